@@ -181,6 +181,18 @@ def test_who_wrote_the_rewards_and_what_they_were_shown_is_true(model, told, tmp
     assert ("chance reads neither the results before it nor what a person says" in text) is not told
 
 
+def test_a_report_offers_what_the_run_has_files_for_and_says_which_folder_is_meant(tmp_path, monkeypatch):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    shown = page(directory).flat
+    assert "Watch the best reward's policy: eureka play DIR" in shown and "DIR: the folder of this file." in shown
+    monkeypatch.chdir(tmp_path)
+    shown = page(directory).flat
+    assert "eureka play run" in shown and "the folder of this file" not in shown
+    (directory / "best" / "policy.safetensors").unlink()  # as of an archive, which keeps the rows alone
+    shown = page(directory).flat
+    assert "eureka play" not in shown and "eureka train" not in shown
+
+
 def test_a_model_is_called_by_its_file_without_the_way_there():
     assert html.model("replay:runs/deep/over.json") == "replay:over.json"
     assert html.model("replay:outputs/ant") == "replay:ant" and html.model("openai/gpt-5") == "openai/gpt-5"

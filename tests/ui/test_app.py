@@ -22,6 +22,7 @@ from openeureka.display import now
 from openeureka.events import Began, nobody
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
+from openeureka.parsing import command_line
 from openeureka.store import Store, read_config
 from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.store.directory import is_asked_to_stop
@@ -106,6 +107,16 @@ def test_a_run_is_headed_by_its_name_and_its_task(tmp_path):
     assert "<h1>my run</h1>" in source and '<span class="task">toy</span>' in source
     assert source.count("1 of 1") == 1  # the tile
     assert source.index('class="wide panel verdict"') < source.index('class="tiles"')
+
+
+def test_a_finished_run_shows_its_reward_what_f_is_and_what_to_type_next(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    page = shown(visitor(tmp_path), "/runs/run/")
+    assert "F is the task's own score; higher is better." in page.text
+    assert page.text.index("Best reward") < page.text.index("return 8") and "so far" not in page.text
+    assert command_line("play", str(directory)) in page.text
+    with Store.open(directory, read_config(directory)):  # it is at work
+        assert "eureka play" not in shown(visitor(tmp_path), "/runs/run/").text
 
 
 def test_each_member_of_the_family_says_its_f_and_the_keyboard_goes_by_the_table(tmp_path):

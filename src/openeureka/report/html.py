@@ -60,14 +60,15 @@ _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "plac
 def report(run: RunView, directory: Path) -> str:
     """The page. Videos of what a run has found are part of it, those of single candidates are linked."""
     found = {name: _embedded(directory, run.videos[name]) for name in FOLDERS if name in run.videos}
-    run = replace(run, videos={**run.videos, **found})
+    run, where = replace(run, videos={**run.videos, **found}), _here(directory)
     return (
         environment()
         .get_template("report.html")
         .render(
             run=run,
             best=run.best,
-            where=_here(directory),
+            where=where,
+            nexts=nexts(run, directory, where),
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             baseline_videos=[(name, run.videos[r.lane]) for name, r in run.baselines.items() if r.lane in run.videos],
@@ -91,6 +92,11 @@ def intent(env: str) -> str:
     """The sentence of a task that is installed; a report does not import other people's files."""
     task = registry.offered(env)
     return task.description if task is not None else ""
+
+
+def nexts(run: RunView, directory: Path, where: str) -> list[tuple[str, str]]:
+    """What to type next, the run being called `where`."""
+    return verdict.nexts(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
 
 
 def _here(directory: Path) -> str:

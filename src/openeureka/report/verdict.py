@@ -198,14 +198,20 @@ def components(run: RunView) -> str:
     return f"Its components: {', '.join(names)}." if names else ""
 
 
-def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
-    """What to type next: the command, and what it does."""
+def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tuple[str, str]]:
+    """What to type next: the command, and what it does.
+
+    Args:
+        kept: whether the run's files are there; its rows alone play and train nothing.
+    """
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
     if none_found(run) or limits_reason(run):
         return [(command_line("show", directory), "what became of each reply")]
     refining = bool(run.config.tune or run.config.polish) and not run.ended
     if unfinished or (run.searched and (run.outcome is None or refining)):
         return [(command_line("resume", directory), "go on where it was")]
+    if not kept:
+        return []
     found, command, left = run.polished, deciding(run, directory), _left_open(run, directory)
     told = [
         (command, "an even chance to decide it" if left and left[0] else "train both with more seeds"),
