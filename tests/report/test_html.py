@@ -193,6 +193,10 @@ def test_a_report_offers_what_the_run_has_files_for_and_says_which_folder_is_mea
     assert "eureka play" not in shown and "eureka train" not in shown
 
 
+def test_the_rewards_to_compare_with_are_explained(tmp_path):
+    assert "the sparse reward is F itself, paid step by step" in Page(html.report(finished(), tmp_path)).flat
+
+
 def test_a_model_is_called_by_its_file_without_the_way_there():
     assert html.model("replay:runs/deep/over.json") == "replay:over.json"
     assert html.model("replay:outputs/ant") == "replay:ant" and html.model("openai/gpt-5") == "openai/gpt-5"
