@@ -90,6 +90,17 @@ def test_a_level_has_a_colour_that_no_line_has():
     assert chart is not None and len({line.color for line in chart.lines}) == 4
 
 
+def test_the_human_reward_has_one_colour_in_every_picture(tmp_path):
+    human = charts.BESIDE["human reward"]
+    shown, lone = finished(), {result.lane.partition("-")[0]: result for result in BASELINES[:1]}
+    drawn = [charts.progress(shown), charts.learning(shown.candidates[0], lone)]
+    found = [line.color for chart in drawn if chart for line in chart.lines if line.name == "human reward"]
+    assert found == [human, human]
+    assert f'class="h{human}"' in html.report(shown, tmp_path)  # in the plot of the verdict
+    others = [line.color for chart in drawn if chart for line in chart.lines if line.name != "human reward"]
+    assert human not in others
+
+
 def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest():
     parent, other = trained(0, 0, 10.0), trained(0, 1, 30.0)
     child = dataclasses.replace(view(trained(1, 0, 20.0)), parent=other.sample)

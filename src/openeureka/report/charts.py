@@ -29,6 +29,8 @@ DIGITS = 5
 """Significant ones of a value; a report holds thousands of them."""
 SPARK = 40
 """Points of a curve that is as small as a word."""
+BESIDE = {"human reward": 3, "sparse reward": 2}
+"""Colours of what candidates are compared with; a candidate's own is 0."""
 SHADES = 9
 """Colours of the scale of F, from the lowest to the highest."""
 
@@ -86,13 +88,13 @@ def progress(run: RunView) -> Chart | None:
     shown = run.candidates
     scores = tuple(candidate.score for candidate in shown)
     early = any(candidate.played is None and candidate.score is not None for candidate in shown)
-    levels = {name: run.baseline_score(name) for name in run.baselines}
+    levels = {f"{name} reward": run.baseline_score(name) for name in run.baselines}
     lines = [
         Line(name="candidate", values=_rounded(scores), color=0, kind="dots"),
         Line(name="best so far", values=_rounded(_best_so_far(run)), color=0, kind="steps"),
         *(
-            Line(name=f"{name} reward", values=_rounded([value] * len(shown)), color=color, kind="dashed")
-            for color, (name, value) in enumerate(levels.items(), start=1)
+            Line(name=name, values=_rounded([value] * len(shown)), color=BESIDE[name], kind="dashed")
+            for name, value in levels.items()
         ),
     ]
     begins = [index for index, candidate in enumerate(shown) if not index or candidate.slot < shown[index - 1].slot]
@@ -113,7 +115,7 @@ def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) 
         return None
     curves = {"this reward": candidate.result.curves.get("fitness", ())}
     curves |= {f"{name} reward": result.curves.get("fitness", ()) for name, result in baselines.items()}
-    return _curves("F in training", curves, dashed=tuple(curves)[1:])
+    return _curves("F in training", curves, beside=BESIDE)
 
 
 def trainings(run: RunView) -> Chart | None:
@@ -203,13 +205,13 @@ def spark(curve: Curve, width: float = 80.0, height: float = 20.0) -> str:
 # --- curves to charts -------------------------------------------------------------------------------------------------
 
 
-def _curves(title: str, curves: Mapping[str, Curve], what: str = "", dashed: Sequence[str] = ()) -> Chart | None:
+def _curves(title: str, curves: Mapping[str, Curve], what: str = "", beside: Mapping[str, int] = {}) -> Chart | None:
     """Curves over epochs, thinned alike."""
     drawn = dict(list(curves.items())[:MAX_LINES])
     longest = max(map(len, drawn.values()), default=0)
     xs = sorted({*_kept(longest), *(len(curve) - 1 for curve in drawn.values() if curve)})
     thinned = {name: [curve[x] if x < len(curve) else None for x in xs] for name, curve in drawn.items()}
-    return _chart(title, "epoch", xs, _lines(thinned, dashed), note=_undrawn(len(curves), what))
+    return _chart(title, "epoch", xs, _lines(thinned, beside), note=_undrawn(len(curves), what))
 
 
 def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
@@ -218,9 +220,15 @@ def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
     return kept if not kept or kept[-1] == length - 1 else [*kept, length - 1]
 
 
-def _lines(curves: Mapping[str, Curve], dashed: Sequence[str] = (), kind: Kind = "line") -> list[Line]:
+def _lines(curves: Mapping[str, Curve], beside: Mapping[str, int] = {}, kind: Kind = "line") -> list[Line]:
+    """One for each curve; those to compare with are dashed, in colours of their own."""
     return [
-        Line(name=name, values=_rounded(values), color=color, kind="dashed" if name in dashed else kind)
+        Line(
+            name=name,
+            values=_rounded(values),
+            color=beside.get(name, color),
+            kind="dashed" if name in beside else kind,
+        )
         for color, (name, values) in enumerate(list(curves.items())[:MAX_LINES])
     ]
 
