@@ -25,7 +25,7 @@ HOSTILE = (
     "</pre><script>alert(1)</script><img src=x onerror=alert(1)>\x1b[31mred\x1b]0;title\x07\u202egpj.\u200bexe&lt;"
 )
 ELEMENTS = """html head meta title style script body header nav main a span b small i p h1 h2 h3 h5 div section figure
-figcaption table thead tbody tr th td dl dt dd ul li code pre details summary button label input select option meter svg
+figcaption table thead tbody tr th td dl dt dd ul li code pre details summary button label input select option svg rect
 path circle line text polyline video"""
 
 

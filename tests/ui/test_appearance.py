@@ -110,16 +110,70 @@ def test_a_line_that_is_pointed_at_stands_out_and_beyond_four_lines_have_dashes(
     assert [sign.endswith("d1") for sign in signs] == [False, False, False, False, True]
 
 
+SAID = """window.said = []; const own = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (...told) { said.push(told[0]); own.call(this, ...told); };"""
+"""Keeps what is written on any canvas."""
+
+
 def test_candidates_are_counted_in_whole_numbers(page: Page, tmp_path: Path):
     search_in(tmp_path / "run", [reply(7), reply(8)])
-    page.add_init_script(
-        "window.said = []; const own = CanvasRenderingContext2D.prototype.fillText;"
-        "CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) "
-        "{ said.push(text); own.call(this, text, ...rest); };"
-    )
+    page.add_init_script(SAID)
     page.goto("/compare?run=run")
     assert comes_true(page, "said.includes('2')")
     assert not page.evaluate("said.includes('1.5')")
+
+
+def test_the_slots_of_a_single_generation_are_named_below_their_points(page: Page, tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    page.add_init_script(SAID)
+    page.goto("/runs/run/")
+    assert comes_true(page, "said.includes('g0s1')")
+    assert not page.evaluate("said.includes('gen. 0')")
+
+
+def test_paper_keeps_headings_and_the_keys_of_charts(page: Page, searched: Path):
+    page.goto("/runs/run/")
+    expect(page.locator(".chart canvas")).to_be_visible()
+    page.emulate_media(media="print")
+    expect(page.get_by_role("heading", name="Candidates", exact=True)).to_be_visible()
+    expect(page.get_by_label("Find")).to_be_hidden()
+    adjusted = page.locator(".legend i").evaluate_all("all => all.map(one => getComputedStyle(one).printColorAdjust)")
+    assert set(adjusted) == {"exact"}  # else a browser leaves backgrounds out
+
+
+def test_a_phone_scrolls_code_as_it_was_written_and_breaks_long_titles_of_columns(page: Page, searched: Path):
+    page.set_viewport_size({"width": 390, "height": 900})
+    page.goto("/runs/run/")
+    code = page.locator("pre.code").first
+    assert code.evaluate("pre => getComputedStyle(pre).whiteSpace") == "pre"
+    title = page.get_by_role("columnheader", name="F, training maximum")
+    assert title.evaluate("cell => cell.clientHeight / parseFloat(getComputedStyle(cell).lineHeight)") > 2
+
+
+def test_only_what_can_be_scrolled_is_a_stop_of_the_keyboard(page: Page, searched: Path):
+    page.goto("/runs/run/")
+    box = page.get_by_role("group", name="Candidates", exact=True)
+    assert comes_true(page, "document.querySelector('[aria-label=Candidates]').tabIndex === -1")
+    page.set_viewport_size({"width": 375, "height": 900})
+    assert comes_true(page, "document.querySelector('[aria-label=Candidates]').tabIndex === 0")
+    assert box.evaluate("box => box.scrollWidth > box.clientWidth")
+
+
+def test_a_component_has_one_colour_in_its_chart_and_in_its_bar(page: Page, searched: Path):
+    page.goto("/runs/run/candidates?show=g0s0")
+    chart = page.locator(".chart", has_text="Components")
+    expect(chart.locator("canvas")).to_be_visible()
+    color = "all => all.map(one => getComputedStyle(one).color)"
+    lines, bars = chart.locator(".legend i").evaluate_all(color), page.locator(".shares svg").evaluate_all(color)
+    assert lines == bars and lines
+
+
+def test_a_title_stands_level_with_its_badge(page: Page, searched: Path):
+    page.goto("/runs/run/candidates?show=g0s0")
+    middles = page.locator(".candidate .title > *").evaluate_all(
+        "all => all.map(one => one.getBoundingClientRect()).map(({ top, bottom }) => (top + bottom) / 2)"
+    )
+    assert max(middles) - min(middles) < 1
 
 
 def test_a_finger_reads_the_chart_first_and_only_a_point_leads_on(chromium: Browser, address: str, searched: Path):

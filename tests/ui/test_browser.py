@@ -307,12 +307,16 @@ def test_curves_are_smoothed_and_the_pointer_still_tells_what_was_measured(page:
     plot.hover(position={"x": box["width"] - 5, "y": 5})
     told, before = chart.locator(".tip").inner_text(), chart.locator("canvas").evaluate(drawn)
     assert "this reward: 7" in told
-    page.get_by_label("Smooth").fill("0.9")
+    page.get_by_label("Smooth").first.fill("0.9")
     plot.hover(position={"x": box["width"] - 6, "y": 5})
     expect(chart.locator(".tip")).to_have_text(told)
     assert chart.locator("canvas").evaluate(drawn) != before
     page.reload()
-    expect(page.get_by_label("Smooth")).to_have_value("0.9")
+    expect(page.get_by_label("Smooth").first).to_have_value("0.9")
+    expect(page.locator(".smooth:visible")).to_have_count(1)  # of two charts side by side
+    page.goto("/runs/run/")
+    expect(page.locator(".chart canvas")).to_be_visible()
+    expect(page.get_by_label("Smooth")).to_have_count(0)  # no chart there goes by epochs
 
 
 def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, searched: Path):
@@ -405,7 +409,9 @@ def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
     file = searched / "report.html"
     file.write_text(html.report(RunView.read(searched), searched))
     page.goto(file.as_uri())
-    expect(page.locator(".chart", has_text="F when played").locator("canvas")).to_be_visible()
+    chart = page.locator(".chart", has_text="F when played")
+    chart.scroll_into_view_if_needed()
+    expect(chart.locator("canvas")).to_be_visible()
     page.get_by_role("button", name="F played").click()
     expect(page.locator("#candidates tbody tr:first-child td:first-child")).to_contain_text("g1s0")
     code = page.locator("#g0s0").get_by_text("Reward code")

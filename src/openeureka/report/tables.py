@@ -136,7 +136,7 @@ def final(run: RunView, outcome: Outcome) -> Table:
     note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
     if run.known is not None:
         note += f" {run.known.sentence()}{' Those played without noise.' if run.noisy else ''}"
-    return Table(("reward", "F, held out", "F, maximum over training", "seeds"), rows, note)
+    return Table(("reward", "F, held out", "F, training maximum", "seeds"), rows, note)
 
 
 def given(run: RunView) -> Table:

@@ -30,19 +30,17 @@ const eureka = (() => {
   }
 
   const called = (chart, place) => chart.names[place] ?? `${chart.x_label} ${short(chart.xs[place])}`;
-  const knob = document.querySelector("#smooth input");
-  if (knob) knob.value = kept.get("smooth") ?? 0;
+  let smooth = Number(kept.get("smooth") ?? 0); // what every slider stands at
   const columns = (chart) => [chart.xs, ...chart.lines.map(({ values }) => (chart.x_label === "epoch" ? smoothed(values) : values))];
 
   /** An exponential average, corrected for its beginning at zero (arXiv 1412.6980, section 3). */
   function smoothed(values) {
-    const keep = Number(knob?.value ?? 0);
     let sum = 0, weight = 0;
-    if (!keep) return values;
+    if (!smooth) return values;
     return values.map((value) => {
       if (value == null) return value;
-      sum = keep * sum + (1 - keep) * value;
-      weight = keep * weight + (1 - keep);
+      sum = smooth * sum + (1 - smooth) * value;
+      weight = smooth * weight + (1 - smooth);
       return sum / weight;
     });
   }
@@ -75,9 +73,10 @@ const eureka = (() => {
     const x = { ...common, size: 30, space: 60, values: (_, splits) => splits.map((split) => (split == null ? "" : short(split))) };
     if (chart().xs.every(Number.isInteger)) x.incrs = WHOLE;
     if (chart().bounds.length) {
-      x.splits = () => chart().bounds;
+      const one = () => chart().bounds.length === 1; // generation: its slots are told apart
+      x.splits = () => (one() ? chart().xs : chart().bounds);
       x.filter = spaced;
-      x.values = (_, splits) => splits.map((place) => (chart().names[place] ?? "").replace(/^g(\d+)s.*$/, "gen. $1"));
+      x.values = (_, splits) => splits.map((place) => (one() ? chart().names[place] : chart().names[place]?.replace(/^g(\d+)s.*$/, "gen. $1")) ?? "");
     }
     const y = { ...common, size: (_, values) => 16 + 6.5 * Math.max(3, ...(values ?? []).map((value) => value.length)), values: (_, splits) => splits.map(short) };
     return [x, y];
@@ -292,8 +291,15 @@ const eureka = (() => {
 
   // --- whatever came into the page -----------------------------------------------------------------------------------
 
+  /** Only what can be scrolled is a stop of the keyboard's. */
+  const stops = new ResizeObserver((entries) => {
+    for (const { target } of entries) target.tabIndex = target.scrollWidth > target.clientWidth || target.scrollHeight > target.clientHeight ? 0 : -1;
+  });
+
   function dress(part) {
     forget();
+    for (const box of part.querySelectorAll(".scroll, pre[tabindex]")) stops.observe(box);
+    for (const slider of part.querySelectorAll(".smooth input")) slider.value = smooth;
     for (const figure of part.querySelectorAll(".chart")) if (!drawn.has(figure)) { seen.observe(figure); fits.observe(figure.querySelector(".plot")); }
     for (const table of part.querySelectorAll("table.all")) { sort(table); filter(table); }
   }
@@ -308,7 +314,13 @@ const eureka = (() => {
   unfold();
   addEventListener("beforeprint", () => document.querySelectorAll(".chart").forEach((figure) => { if (!drawn.has(figure) && figure.checkVisibility()) draw(figure); }));
   document.getElementById("theme")?.addEventListener("click", turn);
-  knob?.addEventListener("input", () => { kept.set("smooth", knob.value); repaint(); });
+  document.addEventListener("input", ({ target }) => {
+    if (!target.matches(".smooth input")) return;
+    smooth = Number(target.value);
+    kept.set("smooth", target.value);
+    document.querySelectorAll(".smooth input").forEach((slider) => { slider.value = smooth; });
+    repaint();
+  });
   dress(document);
   return { dress, update, of: (figure) => drawn.get(figure) };
 })();
