@@ -37,8 +37,10 @@ RESULT = TrainingResult(
 )
 
 
-def reflect(sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None) -> str:
-    return reflection.reflect(sample, result, style, played, {})
+def reflect(
+    sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None, window: int = 1
+) -> str:
+    return reflection.reflect(sample, result, style, played, {}, window)
 
 
 def test_feedback_says_that_a_curriculum_came_before() -> None:
