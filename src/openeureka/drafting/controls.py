@@ -16,6 +16,7 @@ _FIXED, _AFFINE, _NO_BIAS = (
 )
 _DIRECT = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("NONE", "FILTER", "FILTEREXACT"))
 """Kinds of actuators whose state, if they have one, follows their input."""
+_MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 
 class Control(NamedTuple):
@@ -33,14 +34,16 @@ def controls(model: mujoco.MjModel) -> list[Control]:
 
 
 def _control(model: mujoco.MjModel, actuator: int) -> Control:
-    if model.actuator_ctrllimited[actuator]:
+    if model.actuator_ctrllimited[actuator] and np.isfinite(model.actuator_ctrlrange[actuator]).all():
         low, high = model.actuator_ctrlrange[actuator].tolist()
         return Control(low, high)
+    if model.actuator_dyntype[actuator] == _MUSCLE:
+        return Control(0.0, 1.0)  # MuJoCo clips what excites a muscle to this
     if not _is_direct(model, actuator):
         return Control(-1.0, 1.0, guessed=True)
     joint = driven_joint(model, actuator)
     gear, gain = float(model.actuator_gear[actuator, 0]), float(model.actuator_gainprm[actuator, 0])
-    if _is_servo(model, actuator) and joint >= 0 and model.jnt_limited[joint]:
+    if _is_servo(model, actuator) and is_bounded(model, joint):
         low, high = sorted((gear * model.jnt_range[joint]).tolist())  # it compares its input with the geared joint
         return Control(low, high)
     if model.actuator_biastype[actuator] != _NO_BIAS or not gain:
@@ -48,7 +51,7 @@ def _control(model: mujoco.MjModel, actuator: int) -> Control:
     bounds = [model.actuator_forcerange[actuator] / gain] if model.actuator_forcelimited[actuator] else []
     if joint >= 0 and gear and model.jnt_actfrclimited[joint]:
         bounds.append(model.jnt_actfrcrange[joint] / (gain * gear))
-    if not bounds:
+    if not bounds or not np.isfinite(bounds).all():
         return Control(-1.0, 1.0, guessed=True)
     return Control(float(max(map(min, bounds))), float(min(map(max, bounds))))
 
@@ -66,6 +69,11 @@ def driven_joint(model: mujoco.MjModel, actuator: int) -> int:
     joint = int(model.actuator_trnid[actuator, 0])
     alone = model.actuator_trntype[actuator] in ON_JOINTS
     return joint if alone and model.jnt_type[joint] in (SLIDE, HINGE) else -1
+
+
+def is_bounded(model: mujoco.MjModel, joint: int) -> bool:
+    """Whether a hinge or slide has a range; -1 is no joint."""
+    return joint >= 0 and bool(model.jnt_limited[joint]) and bool(np.isfinite(model.jnt_range[joint]).all())
 
 
 def _is_direct(model: mujoco.MjModel, actuator: int) -> bool:
