@@ -116,7 +116,6 @@ def test_every_robot_of_gymnasium_becomes_a_task_that_steps(tmp_path: Path, robo
 
 class Drafted(TaskConformance):
     robot: Path
-    start_overlap = 0.1  # how a robot stands is its author's
 
     @pytest.fixture(autouse=True, scope="class")
     @classmethod
@@ -168,8 +167,10 @@ def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
     state = simulation.current_state()
     assert state["forward_speed"].tolist() == [2.0, -1.0]
     assert simulation.task.sparse_reward(state).tolist() == [2.0, -1.0]
-    low = {**state, "height": torch.tensor([0.4, 0.5])}
+    # It is drawn 0.34 m above where it stands, 0.41 m high: 0.6 of that is 0.243 m.
+    low = {**state, "height": torch.tensor([0.23, 0.26])}
     assert simulation.task.terminated(low).tolist() == [True, False]
+    assert simulation.task.ends == "An episode ends early when torso is lower than 0.243 m."
 
 
 def test_others_reach_for_a_point_that_they_can_reach(tmp_path: Path):
@@ -229,6 +230,8 @@ def test_what_servos_cannot_reach_is_not_said_to_be_within_reach(tmp_path: Path)
         ("", '<motor joint="turn" forcerange="-40 40"/><motor name="weak" joint="bend"/>', [40.0, 1.0], ("weak",)),
         ("", '<velocity name="rate" joint="turn" kv="1"/>', [1.0], ("rate",)),
         ("", '<motor joint="turn" ctrlrange="-3 3"/>', [3.0], ()),
+        ("", '<motor name="any" joint="turn" ctrlrange="-inf inf"/>', [1.0], ("any",)),
+        ("", '<muscle joint="turn" lengthrange="0 1"/>', [1.0], ()),
     ],
 )
 def test_a_motor_without_a_range_goes_as_far_as_its_forces_do_or_is_said_to_be_guessed(
@@ -240,6 +243,11 @@ def test_a_motor_without_a_range_goes_as_far_as_its_forces_do_or_is_said_to_be_g
     simulation.reset()
     simulation.step(torch.ones(1, len(expected)))
     assert simulation.sim.bind("ctrl")[0].tolist() == pytest.approx(expected)
+
+
+def test_muscles_are_excited_from_nothing_to_all(tmp_path: Path):
+    muscle = '<muscle joint="turn" lengthrange="0 1"/>'
+    assert "CONTROLS = ((0.0, 1.0),)" in draft(tmp_path / "odd.py", odd(tmp_path, LINKS.format("", muscle))).text
 
 
 def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
@@ -255,6 +263,172 @@ def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
     assert task.sparse_reward(state).tolist() == [0.0, 1.0]
     nearer = {**state, "arm_pos": state["puck_pos"]}
     assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not drawn to the puck"
+
+
+def test_an_edit_of_the_model_leaves_what_a_draft_measures(tmp_path: Path):
+    sensors = '<sensor><framepos name="where" objtype="site" objname="imu"/></sensor>'
+    model = TABLE[: TABLE.index("<sensor>")] + sensors + "</mujoco>"
+    lamp = """<body name="lamp" pos="0 0 1"><joint name="swing" axis="1 0 0"/><geom name="shade" size="0.1"/>
+      <body pos="1 0 0"><joint type="ball"/><geom size="0.1"/></body><site name="bulb"/></body>"""
+    env = drafted(tmp_path, odd(tmp_path, model))
+    states = []
+    for before, after in (("", ""), ("<worldbody>", f"<worldbody>{lamp}"), ("<sensor>", '<sensor><clock name="now"/>')):
+        odd(tmp_path, model.replace(before, after))
+        simulation = make(env, worlds=1)
+        simulation.reset()
+        states.append(simulation.current_state())
+    for name in ("puck_pos", "goal_pos", "arm_pos", "where"):
+        assert all(torch.allclose(state[name], states[0][name], atol=0.11) for state in states), name
+    assert all(state["joint_pos"].shape == (1, 3) for state in states)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('"goal"', '"gaol"', r"The model has no body `goal`, which the task names\. Did you mean `gaol`\?"),
+        ('joint="turn"', 'joint="turns"', "The model has no joint `turn`, which the task names. Did you mean `turns`"),
+        (
+            '"puck touch"',
+            '"contact"',
+            "The model has no sensor `puck touch`, which the task names. It has contact, ",
+        ),
+        ('name="puck_x" type="slide"', 'name="puck_x" type="ball"', "The joint `puck_x` of the model is no hinge or"),
+    ],
+)
+def test_a_name_that_a_model_has_no_more_is_a_sentence(tmp_path: Path, old: str, new: str, problem: str):
+    env = drafted(tmp_path, odd(tmp_path, TABLE))
+    renamed = TABLE.replace('name="turn"', 'name="turns"') if "turns" in new else TABLE
+    odd(tmp_path, renamed.replace(old, new))
+    with pytest.raises(TaskError, match=problem):
+        make(env, worlds=1)
+
+
+def test_a_body_that_floats_no_more_is_a_sentence(tmp_path: Path):
+    env = drafted(tmp_path, odd(tmp_path, DRONE))
+    odd(tmp_path, DRONE.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>'))
+    with pytest.raises(TaskError, match="The body `frame` has no free joint; write <freejoint/> in it"):
+        make(env, worlds=1)
+
+
+def test_what_floats_has_the_speeds_that_mujoco_gives_it(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path)), worlds=1)
+    simulation.reset()
+    qpos, qvel = simulation.sim.bind("qpos"), simulation.sim.bind("qvel")
+    half = math.sqrt(0.5)
+    qpos[:, -4:] = torch.tensor([half, 0.0, 0.0, half])  # a quarter turn about z
+    qvel[:, -6:] = torch.tensor([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    simulation.sim.forward(torch.arange(1))
+    state = simulation.current_state()
+    torch.testing.assert_close(state["tip__pos"], torch.tensor([[0.5, 0.5, 0.05]]))
+    torch.testing.assert_close(state["tip__quat"], torch.tensor([[0.0, 0.0, half, half]]))
+    torch.testing.assert_close(state["tip__linvel"], torch.tensor([[1.0, 2.0, 3.0]]))
+    torch.testing.assert_close(state["tip__angvel"], torch.tensor([[-5.0, 4.0, 6.0]]))
+
+
+GRIPPER = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="1 1 0.1"/>
+    <body name="palm" pos="0 0 0.3"><joint name="lift" type="slide" axis="0 0 1" range="-0.2 0.2"/>
+      <geom type="box" size="0.04 0.06 0.02"/>
+      <body name="left" pos="0 0.03 -0.06"><joint name="left" type="slide" axis="0 1 0" range="-0.02 0.02"/>
+        <geom type="box" size="0.01 0.005 0.04"/></body>
+      <body name="right" pos="0 -0.03 -0.06"><joint name="right" type="slide" axis="0 -1 0" range="-0.02 0.02"/>
+        <geom type="box" size="0.01 0.005 0.04"/></body>
+    </body>
+  </worldbody>
+  <actuator><position joint="lift" kp="300"/><position joint="left" kp="100"/></actuator>
+  <equality>{}</equality>
+</mujoco>
+"""
+
+
+class TestGripper(TestOddities):
+    model = GRIPPER.format("")
+    random_worlds = 16
+
+
+def test_joints_sway_within_their_ranges_and_not_where_an_equality_holds_them(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path, GRIPPER.format(""))), worlds=64)
+    simulation.reset()
+    low, high = simulation.current_state()["joint_pos"].aminmax(dim=0)
+    # A tenth of 0.4 m, and of 0.04 m.
+    assert high.tolist() == pytest.approx([0.04, 0.004, 0.004], rel=0.1) and bool((low < 0.0).all())
+    held = GRIPPER.format('<joint joint1="left" joint2="right" polycoef="0.01 1 0 0 0"/>')
+    simulation = make(drafted(tmp_path, odd(tmp_path, held)), worlds=8)
+    simulation.reset()
+    assert simulation.current_state()["joint_pos"][:, 1:].unique(dim=0).tolist() == [pytest.approx([0.01, 0.0])]
+
+
+FOUR_BAR = """
+<mujoco>
+  <worldbody>
+    <body name="crank" pos="0 0 1"><joint name="crank" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .2" size=".02"/>
+      <body name="coupler" pos="0 0 0.2"><joint name="coupler" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></body>
+    <body name="rocker" pos="0.5 0 1"><joint name="rocker" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 0.2" size=".02"/></body>
+  </worldbody>
+  <equality><connect body1="coupler" body2="rocker" anchor="0.5 0 0"/></equality>
+  <actuator><velocity joint="crank" kv="5" ctrlrange="-3 3"/></actuator>
+</mujoco>
+"""
+
+
+def test_a_closed_loop_starts_closed(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path, FOUR_BAR)), worlds=4)
+    simulation.reset()
+    assert not bool(simulation.current_state()["joint_pos"].any())
+
+
+BALL_BOT = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="trunk" pos="0 0 {height}"><freejoint/><geom type="box" size="0.2 0.1 0.05"/>
+      <body name="leg" pos="0.2 0 0"><joint name="hip" axis="0 1 0" range="-60 60"/>
+        <geom type="capsule" fromto="0 0 0 0.2 0 -0.3" size="0.02"/>
+        <geom type="capsule" fromto="0.2 -0.2 -0.3 0.2 0.2 -0.3" size="0.02"/></body>
+      <body name="hind" pos="-0.2 0 0"><joint name="hind" axis="0 1 0" range="-60 60"/>
+        <geom type="capsule" fromto="0 0 0 -0.2 0 -0.3" size="0.02"/>
+        <geom type="capsule" fromto="-0.2 -0.2 -0.3 -0.2 0.2 -0.3" size="0.02"/></body>
+    </body>
+  </worldbody>
+  <actuator><position joint="hip" kp="50" kv="2"/><position joint="hind" kp="50" kv="2"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("height", [0.32, 1.0])
+def test_a_robot_has_fallen_when_it_is_low_against_where_it_stands(tmp_path: Path, height: float):
+    robot = odd(tmp_path, BALL_BOT.format(height=height))
+    simulation = make(drafted(tmp_path, robot), worlds=4)
+    simulation.reset()
+    for _ in range(100):
+        assert not bool(simulation.step(torch.zeros(4, 2)).done.any()), "it stands still, and has fallen"
+    # Its feet are 0.3 m below its trunk, and have a radius of 0.02 m.
+    fallen = float(simulation.task.ends.split()[-2])
+    assert fallen == pytest.approx(0.6 * 0.32, abs=0.003)
+
+
+def test_a_robot_on_the_ground_starts_above_it_however_it_sways(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path, BALL_BOT.format(height=0.32))), worlds=64)
+    simulation.reset()
+    deepest = 0.0
+    for world in range(64):
+        _, data = simulation.sim.snapshot(world)
+        deepest = min([deepest, *(contact.dist for contact in data.contact[: data.ncon])])
+    assert deepest > -1e-3
+
+
+@pytest.mark.parametrize(
+    ("height", "ends"), [(0.1, ""), (2.0, "An episode ends early when frame is lower than 0.6 m.")]
+)
+def test_what_shall_come_near_the_ground_may(tmp_path: Path, height: float, ends: str):
+    target = f'<site name="target" pos="1 0 {height}"/></worldbody>'
+    task = get(drafted(tmp_path, odd(tmp_path, DRONE.replace("</worldbody>", target))))
+    assert (task.ends, task.counts_early) == (ends, bool(ends))
 
 
 def test_the_hand_that_is_to_come_to_the_object_has_a_variable_whatever_it_is(tmp_path: Path):
@@ -314,6 +488,15 @@ def test_bodies_that_are_moved_by_hand_start_at_the_first_keyframe_too(tmp_path:
     assert simulation.sim.bind("mocap_quat")[1].flatten().tolist() == expected
 
 
+def test_muscles_and_speeds_start_at_the_first_keyframe_too(tmp_path: Path):
+    muscles = '<muscle joint="turn" lengthrange="0 1"/><muscle joint="bend" lengthrange="0 1"/>'
+    key = '<keyframe><key qpos="0.5 0.1" qvel="1 2" act="0.3 0.7"/></keyframe></mujoco>'
+    simulation = make(drafted(tmp_path, odd(tmp_path, LINKS.format("", muscles).replace("</mujoco>", key))), worlds=2)
+    simulation.reset()
+    torch.testing.assert_close(simulation.sim.bind("act"), torch.tensor([[0.3, 0.7]] * 2))
+    torch.testing.assert_close(simulation.sim.bind("qvel"), torch.tensor([[1.0, 2.0]] * 2), atol=0.051, rtol=0)
+
+
 def test_what_a_draft_cannot_move_is_told_without_saying_that_nothing_floats(tmp_path: Path):
     sticky = (
         DRONE[: DRONE.index("<actuator>")] + '<actuator><adhesion body="frame" ctrlrange="0 1"/></actuator></mujoco>'
@@ -341,7 +524,7 @@ def test_odd_models_keep_their_names_ranges_and_pose(tmp_path: Path):
     simulation = make(drafted(tmp_path, odd(tmp_path)), worlds=1)
     task = simulation.task
     assert {"joint_pos", "joint2_quat", "tip_pos", "tip__pos", "tip__quat"} <= set(task.spec.names)
-    assert "base_turn, joint1" in task.spec["joint_pos"].meaning
+    assert "base turn, joint1" in task.spec["joint_pos"].meaning
     simulation.reset()
     joints = simulation.current_state()["joint_pos"][0]
     assert joints.tolist() == pytest.approx([0.3, 0.05], abs=0.051)  # the second is kept off its limit
@@ -376,6 +559,8 @@ def test_files_name_their_class(name: str, expected: str):
 
 def test_an_intent_is_taken_as_it_is_said(tmp_path: Path):
     path = tmp_path / "odd.py"
+    path.write_text(draft(path, odd(tmp_path), "to wave.").text)
+    assert path.read_text().startswith('"""Odd: to wave.\n') and get(f"{path}:Odd").description == "to wave"
     path.write_text(draft(path, odd(tmp_path), 'to "wave"\n at people \\ dogs').text)
     assert get(f"{path}:Odd").description == "to 'wave' at people / dogs"
 

@@ -11,8 +11,8 @@ import torch
 from openeureka.drafting.draft import draft
 from openeureka.drafting.survey import Survey
 from openeureka.errors import TaskError
-from openeureka.tasks.anatomy import home
 from openeureka.tasks.registry import make
+from openeureka.tasks.start import home
 from openeureka.tasks.urdf import read_urdf
 
 ARM = """<?xml version="1.0"?>

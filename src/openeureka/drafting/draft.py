@@ -15,20 +15,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from ..errors import TaskError
-from ..tasks.anatomy import SWAY, columns, home, named, scalar_joints
+from ..tasks.anatomy import columns, named
+from ..tasks.start import SWAY, at_start, sway
 from ..tasks.urdf import read_urdf
 from ..text import nameable
 from .aim import Aim, find_aim
 from .controls import controls
 from .source import declared, template
-from .survey import Survey, Variable
+from .survey import Survey
+from .table import FIELDS, StateTable, Variable, quoted
 
 CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""
 SECONDS = 10.0
 """Of an episode."""
+ABOVE = 1.25
+"""Times the height at which a robot has fallen, below which its goal asks it to be as low."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +74,15 @@ def draft(
     model = _read(robot, urdf, floating)
     survey = Survey(model)
     aim = find_aim(survey, intent, names=(path.stem, robot.stem), thing=thing, goal=goal)
-    variables = list(survey.variables(aim.mover, aim.hand))
-    fallen = 0.0 if aim.missing else survey.fallen
-    joints, timestep = scalar_joints(model), float(model.opt.timestep)
-    swaying = [int(model.jnt_qposadr[joint]) for joint in joints if model.jnt_bodyid[joint] != survey.base]
+    table = StateTable(survey)
+    variables = list(table.variables(aim.mover, aim.hand))
+    wanted = table.value(aim.goal) if aim.goal else "self.goal_pos.clone()"
+    fallen = _fallen(survey, aim)
+    timestep = float(model.opt.timestep)
     substeps = max(1, round(CONTROL_DT / timestep))
     inputs = controls(model)
     guessed = tuple(named(model, "ACTUATOR", index) for index, control in enumerate(inputs) if control.guessed)
+    values = [variable.value for variable in variables]
     goal_size = 3 if aim.goal or aim.point else 0
     text = template("task.py.jinja").render(
         name=class_name(path),
@@ -86,24 +93,25 @@ def draft(
         place=_place(path, robot),
         urdf=urdf,
         floating=floating,
-        description=(" ".join(intent.split()) or aim.description).replace('"', "'").replace("\\", "/"),
+        description=(" ".join(intent.split()).rstrip(". ") or aim.description).replace('"', "'").replace("\\", "/"),
         aim=aim,
         survey=survey,
         fallen=fallen,
         base=survey.root.name if survey.root else "",
-        mover=survey.variable(aim.mover) if aim.mover else "",
-        hand=survey.variable(aim.hand) if aim.hand else "",
+        mover=table.variable(aim.mover) if aim.mover else "",
+        hand=table.variable(aim.hand) if aim.hand else "",
+        goal=wanted,
         example=next(variable.name for variable in variables if variable.use == "point" or not variable.size),
         variables=[(variable.name, _declared(variable), variable.value) for variable in variables],
         observed=[_observed(variable) for variable in variables if variable.seen],
         observations=sum(len(variable.seen) for variable in variables) + goal_size,
-        joints=_tuple([f'"{named(model, "JOINT", joint)}"' for joint in joints]),
-        home=_tuple([_number(value) for value in home(model)]),
-        placed={field: _tuple([_row(pose) for pose in poses]) for field, poses in survey.placed.items()},
+        joints=_tuple([quoted(joint) for joint in table.joints]),
+        found=table.lines,
+        read=[field for field in FIELDS if any(f"self.{field}[" in text for text in (wanted, *values))],
+        placed=_placed(model),
         controls=_tuple([_row((low, high)) for low, high, _ in inputs]),
         guessed=guessed,
-        swaying=columns(swaying) if swaying else "",
-        sways=len(swaying),
+        sways=bool(sway(model).any()),
         sway=SWAY,
         substeps=substeps,
         control_dt=_number(substeps * timestep),
@@ -159,6 +167,20 @@ def _observed(variable: Variable) -> str:
         return f's["{variable.name}"][:, None]'
     whole = len(variable.seen) == variable.size
     return f's["{variable.name}"]' + ("" if whole else f"[:, {columns(variable.seen)}]")
+
+
+def _fallen(survey: Survey, aim: Aim) -> float:
+    """[m] below which an episode ends; 0 where nobody has said what is wanted, or it is wanted near the ground."""
+    low = aim.goal is not None and aim.mover is not None and survey.is_robots(aim.mover)
+    low = low and aim.goal is not None and survey.where(aim.goal)[2] < ABOVE * survey.fallen
+    return 0.0 if aim.missing or low else survey.fallen
+
+
+def _placed(model: mujoco.MjModel) -> list[str]:
+    """Fields of MjData, beside `qpos`, that the first keyframe has otherwise than the model as drawn."""
+    drawn = mujoco.MjData(model)
+    fields = ("qvel", "act", "mocap_pos", "mocap_quat")
+    return [field for field in fields if not np.allclose(at_start(model, field), getattr(drawn, field))]
 
 
 def _number(value: float) -> str:

@@ -9,26 +9,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-SWAY = 0.05
-"""[rad] or [m] by which joints differ at the start of an episode."""
-
 SLIDE, HINGE, FREE, BALL = (
     int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("SLIDE", "HINGE", "FREE", "BALL")
 )
 ON_JOINTS = tuple(int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT"))
 """Kinds of transmission to one joint."""
 _TENDON, _SITE = (int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("TENDON", "SITE"))
-
-
-def home(model: mujoco.MjModel) -> np.ndarray:
-    """The first keyframe, or the pose as drawn; joints are kept so far inside their range that they may sway."""
-    pose = (model.key_qpos[0] if model.nkey else model.qpos0).copy()
-    for joint in scalar_joints(model):
-        low, high = model.jnt_range[joint]
-        if model.jnt_limited[joint] and high - low > 4.0 * SWAY:
-            place = model.jnt_qposadr[joint]
-            pose[place] = min(max(pose[place], low + SWAY), high - SWAY)
-    return pose
 
 
 def scalar_joints(model: mujoco.MjModel) -> list[int]:
@@ -116,12 +102,61 @@ def along_x(model: mujoco.MjModel, body: int) -> int | None:
     return None
 
 
-def rises(model: mujoco.MjModel, body: int) -> bool:
-    """Whether a body's own joints let it up and down."""
-    return any(
-        model.jnt_type[joint] == FREE or (model.jnt_type[joint] == SLIDE and abs(axis(model, joint)[2]) > 0.5)
-        for joint in own_joints(model, body)
-    )
+def upwards(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
+    """The number of `qpos` by which a body's own joints let it up and down, and what of it goes up; None for none."""
+    for joint in own_joints(model, body):
+        place = int(model.jnt_qposadr[joint])
+        if model.jnt_type[joint] == FREE:
+            return place + 2, 1.0
+        if model.jnt_type[joint] == SLIDE and abs(height := float(axis(model, joint)[2])) > 0.5:
+            return place, height
+    return None
+
+
+def tied(model: mujoco.MjModel) -> set[int]:
+    """Joints that an equality of the model holds together."""
+    named = {int(joint) for equality in _equalities(model, "JOINT") for joint in _objects(model, equality)}
+    return looped(model) | (named - {-1})
+
+
+def looped(model: mujoco.MjModel) -> set[int]:
+    """Joints that an equality holds together by more than a formula: those on the way from one body to the other, or of
+    tendons."""
+    found: set[int] = set()
+    for equality in _equalities(model, "TENDON"):
+        found |= {joint for tendon in _objects(model, equality) if tendon >= 0 for joint in _of_tendon(model, tendon)}
+    for equality in _equalities(model, "CONNECT", "WELD"):
+        of_sites = model.eq_objtype[equality] == int(mujoco.mjtObj.mjOBJ_SITE)
+        ends = [int(model.site_bodyid[end]) if of_sites else end for end in _objects(model, equality)]
+        one, other = (set(_line(model, body)) for body in ends)
+        found |= {joint for body in one ^ other for joint in own_joints(model, body)}
+    return found
+
+
+def follow(model: mujoco.MjModel, pose: np.ndarray) -> None:
+    """Write into `qpos` (nq,) where the formulas of equalities hold joints to others."""
+    for equality in _equalities(model, "JOINT"):
+        one, other = _objects(model, equality)
+        place = model.jnt_qposadr[one]
+        along = 0.0
+        if other >= 0:
+            along = pose[model.jnt_qposadr[other]] - model.qpos0[model.jnt_qposadr[other]]
+        pose[place] = model.qpos0[place] + np.polynomial.polynomial.polyval(along, model.eq_data[equality, :5])
+
+
+def _equalities(model: mujoco.MjModel, *kinds: str) -> list[int]:
+    """Those that hold at the start."""
+    wanted = [int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in kinds]
+    return np.flatnonzero(np.isin(model.eq_type, wanted) & (model.eq_active0 != 0)).tolist()
+
+
+def _objects(model: mujoco.MjModel, equality: int) -> tuple[int, int]:
+    return int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+
+
+def carrying(model: mujoco.MjModel, body: int) -> set[int]:
+    """Joints between a body and the world."""
+    return {joint for part in _line(model, body) for joint in own_joints(model, part)}
 
 
 def named(model: mujoco.MjModel, kind: str, index: int) -> str:

@@ -73,10 +73,9 @@ def body_states(xpos: Tensor, xquat: Tensor, cvel: Tensor, centre: Tensor) -> Te
 class Reading:
     """One sensor of a model, as a state variable may show it."""
 
+    index: int
     name: str
     meaning: str
-    first: int
-    """Of its numbers in `sensordata`."""
     size: int
     use: StateUse
     quaternion: bool
@@ -152,9 +151,9 @@ def readings(model: mujoco.MjModel) -> list[Reading]:
         size = int(model.sensor_dim[sensor])
         found.append(
             Reading(
+                index=sensor,
                 name=named(model, "SENSOR", sensor),
                 meaning=meaning.replace("{}", of),
-                first=int(model.sensor_adr[sensor]),
                 size=size,
                 use="raw" if use == "point" and model.sensor_refid[sensor] >= 0 else use,
                 quaternion=kind.endswith("QUAT"),

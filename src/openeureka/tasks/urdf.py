@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import mujoco
 
 from ..errors import TaskError
-from .anatomy import home
+from .start import home
 
 STIFFNESS = 4.0
 """[1/rad] or [1/m]: servos of joints with a range give their whole effort where they are a quarter off."""
