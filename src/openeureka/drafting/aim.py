@@ -69,6 +69,8 @@ def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
         raise TaskError(f"`{mover.name}` is fixed to the world, or mocap; object= names something that moves.")
     if goal:
         mark = _by_name(survey, goal)
+        if not survey.has_middle(mark):
+            raise TaskError(f"`{mark.name}` is as wide as the ground, so nothing is at it; goal= names a place on it.")
         if survey.are_one(mover, mark):
             raise TaskError(f"`{mark.name}` moves with `{mover.name}`, so F would be constant; goal= names another.")
         return _bring(survey, mover, mark)
@@ -88,9 +90,10 @@ def _by_name(survey: Survey, name: str) -> Point:
 
 def _likely_aim(survey: Survey) -> Aim:
     """Without a sentence: an object to a goal, else the robot to a goal, else forward, else a point within reach."""
-    for mover in (*survey.objects, _default_mover(survey)):
+    objects = [thing for thing in survey.objects if "goal" not in _words(thing.name)]  # a goal may slide too
+    for mover in (*objects, _default_mover(survey)):
         if marks := _marks(survey, mover):
-            movers = survey.objects or [mover]
+            movers = objects or [mover]
             # Of several objects, the one that shares a name with a goal: ball and target_ball.
             mover = max(movers, key=lambda place: _shared(place, _fitting(place, marks)))
             aim = _bring(survey, mover, _fitting(mover, marks))
@@ -117,6 +120,8 @@ def _run(survey: Survey) -> Aim:
 
 def _reach_a_point(survey: Survey, mover: Point) -> Aim:
     """Where the median of random poses brings a part of the robot."""
+    if survey.is_held(mover):
+        return _unsaid(f"an equality of the model ties joints that carry {mover.name}, so its reach is unknown")
     start = survey.where(mover)
     reach = sorted(survey.reach(mover, POSES), key=lambda place: float(np.linalg.norm(place - start)))
     point = reach[POSES // 2].round(3)
@@ -145,7 +150,7 @@ def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     there, doubt = distance < reached, ""
     if there:
         doubt = f"{mover.name} is there at the start: move one of them, in the model or in `reset`."
-    elif survey.is_robots(mover) and survey.base is None:
+    elif survey.is_robots(mover) and survey.base is None and not survey.is_held(mover):
         reach = survey.reach(mover, POSES)
         least = float(np.linalg.norm(reach - survey.where(goal), axis=1).min()) if not survey.moves(goal) else 0.0
         if least > 2.0 * reached:
@@ -177,7 +182,8 @@ def _tip(survey: Survey) -> Point:
 
 def _marks(survey: Survey, mover: Point) -> list[Point]:
     """What is called goal or target, but for the mover itself."""
-    return [p for p in survey.places() if "goal" in _words(p.name) and not survey.are_one(p, mover)]
+    places = [place for place in survey.places() if survey.has_middle(place) and not survey.are_one(place, mover)]
+    return [place for place in places if "goal" in _words(place.name)]
 
 
 def _fitting(mover: Point, marks: Sequence[Point]) -> Point:
@@ -205,7 +211,7 @@ class _Reader:
 
     def aim(self) -> Aim:
         content = [word for word in self.words if word not in _FILLERS | self.itself]
-        if (_RUN | {_stem("fast")}) & set(content) and set(content) <= _RUN | _MANNER:
+        if (_RUN | {_stem("fast")}) & set(content) and set(content) <= _RUN | _MANNER and not _falls(content):
             if self.survey.base is None:
                 return _unsaid("no joint without a motor carries the robot along x, so it counts as fixed")
             return _run(self.survey)
@@ -233,6 +239,8 @@ class _Reader:
         if len(goals) > 1 and likeliest:  # a ball and target_ball
             goals = [place for place in goals if _shared(mover, place) == likeliest]
             goals = goals[:1] if len({place.body for place in goals}) == 1 else goals
+        if len(goals) == 1 and not survey.has_middle(goals[0]):
+            return _unsaid(f"{goals[0].name} is as wide as the ground, which says no place for {mover.name}")
         if len(goals) == 1:
             return _bring(survey, mover, goals[0])
         if not goals and set(goal_words) == {"goal"} and survey.is_robots(mover) and survey.base is None:
@@ -261,6 +269,11 @@ class _Reader:
             return _unsaid(f"{said} alone does not say what to bring where")
         mean = "mean" if "," in said else "means"
         return _unsaid(f"it does not know what {said or 'that'} {mean} for this model")
+
+
+def _falls(words: Sequence[str]) -> bool:
+    """Whether it is to fall, not to run without."""
+    return any(word == "fall" and before != "without" for before, word in zip(["", *words], words, strict=False))
 
 
 def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[str]]:
