@@ -72,6 +72,45 @@ def test_a_draft_without_an_intent_asks_for_one(robot, capsys):
     assert "`description` of the task `disk` is empty" in capsys.readouterr().err
 
 
+def test_a_draft_without_an_f_shows_the_variables_to_write_it_with(robot, capsys):
+    assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole.") == 0
+    assert "1 actions, to balance the pole.\n" in capsys.readouterr().out
+    assert run("context", "env=cart.py") == 0
+    assert "pole_pos" in capsys.readouterr().out
+
+
+LEGGED = """
+<mujoco>
+  <compiler {}/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="trunk" pos="0 0 0.3"><freejoint/><geom type="box" size="0.1 0.1 0.02"/>
+      <body name="leg" pos="0 0 -0.02"><joint name="hip" axis="0 1 0" range="-60 60"/>
+        <geom type="box" size="0.2 0.2 0.13" pos="0 0 -0.13"/></body>
+    </body>
+  </worldbody>
+  <actuator><position joint="hip" kp="50" kv="2"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("floor", [True, False])
+def test_a_robot_that_falls_without_actions_is_said_to(robot, capsys, floor):
+    model = LEGGED.format("")
+    (robot / "dog.xml").write_text(model if floor else model.replace('<geom type="plane" size="2 2 0.1"/>', ""))
+    assert run("new", "dog.py", "model=dog.xml") == 0
+    falls = "But without actions it has fallen within 0.5 s, which ends the episode.\nLook at the pose" in (
+        capsys.readouterr().out
+    )
+    assert falls is not floor
+
+
+def test_what_mujoco_says_of_the_file_is_not_printed(robot, capsys, recwarn):
+    (robot / "dog.xml").write_text(LEGGED.format('coordinate="local"'))
+    assert run("new", "dog.py", "model=dog.xml") == 0
+    assert not recwarn.list and "Warning" not in capsys.readouterr().err
+
+
 def test_an_empty_intent_says_nothing_and_any_file_name_names_a_class(robot):
     assert run("new", "x².py", "model=cart.xml", "intent= ") == 0
     assert get(f"{robot}/x².py").description == "to bring pole to the goal"

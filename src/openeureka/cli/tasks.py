@@ -8,9 +8,11 @@ import os
 import shutil
 import sys
 import textwrap
+import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 
@@ -94,7 +96,7 @@ def _baselines(env: str) -> tuple[float | None, float | None]:
 def context(words: Sequence[str]) -> None:
     """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    known = informed(context_of(env), record_states(env), RunConfig(env=env))
+    known = informed(context_of(env), record_states(env, scored=False), RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
     print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
 
@@ -156,16 +158,21 @@ def new(words: Sequence[str]) -> None:
         return
     if not config.model:
         raise ConfigError(f"Name the robot, a MuJoCo XML file, or env=gym:ID; for example: {USAGE}")
-    drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
-    with _written(path, drafted.text):
-        task, bad = _try(path, 1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # MuJoCo's, on how the model's file is written
+        drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
+        with _written(path, drafted.text):
+            trial, rest = _try(path, 1.0), _try(path, 0.0)
+    task = trial.task
     sizes = f"{task.num_observations} observations, {task.num_actions} actions"
     print(f"Wrote {path}: {', '.join(filter(None, (sizes, task.description)))}.")
     _say_what_counts(path, drafted, described=bool(task.description))
     if drafted.guessed:
         _say_what_is_guessed(path, drafted.guessed)
-    if bad > 0:
-        _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
+    if trial.bad:
+        _say_what_breaks(trial.bad, at_rest=rest.bad > 0)
+    elif rest.ended:
+        _say_what_falls(path, STEPS * task.control_dt)
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run")[: 1 if drafted.aim.missing else None]:
         print(f"  {command_line(command, f'env={path}')}{' policy=random' if command == 'play' else ''}")
@@ -194,14 +201,22 @@ def _written(path: Path, text: str) -> Generator[None]:
         raise
 
 
-def _try(path: Path, size: float) -> tuple[Task, int]:
-    """The task, and the worlds whose physics broke down in random play with actions up to this size."""
+class _Trial(NamedTuple):
+    task: Task
+    bad: int
+    """Worlds whose physics broke down."""
+    ended: bool
+    """Whether an episode ended before its time."""
+
+
+def _try(path: Path, size: float) -> _Trial:
+    """Random play with actions up to this size."""
     simulation = registry.make(str(path), worlds=TRIED)
     simulation.scored = False
     simulation.reset()
-    for _ in range(STEPS):
-        simulation.step((torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size)
-    return simulation.task, simulation.bad_total
+    actions = [(torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size for _ in range(STEPS)]
+    steps = [simulation.step(action) for action in actions]
+    return _Trial(simulation.task, simulation.bad_total, any(bool(step.terminated.any()) for step in steps))
 
 
 def _say_what_is_guessed(path: Path, actuators: Sequence[str]) -> None:
@@ -216,6 +231,11 @@ def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
         print("It does so without actions too: look at the pose that it starts in, and try more substeps.")
     else:
         print("Without actions it holds: narrow CONTROLS, or give its joints damping and armature in `model()`.")
+
+
+def _say_what_falls(path: Path, seconds: float) -> None:
+    print(f"But without actions it has fallen within {seconds:.2g} s, which ends the episode.")
+    print(f"Look at the pose that it starts in, or lower FALLEN in {path}.")
 
 
 def _say_what_counts(path: Path, drafted: Draft, *, described: bool) -> None:

@@ -37,8 +37,13 @@ def _try_rewards(task: Task, state: State) -> None:
 STARTS = 64
 
 
-def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int = 4) -> dict[str, Tensor | float | int]:
+def record_states(
+    env: str, *, worlds: int = STARTS, steps: int = 40, keep: int = 4, scored: bool = True
+) -> dict[str, Tensor | float | int]:
     """States along random play, start states included.
+
+    Args:
+        scored: whether F and the rewards of the task are tried too.
 
     Returns:
         Every variable of the spec; world variables are (worlds * keep, *shape), taken at `keep` evenly spaced steps,
@@ -48,7 +53,7 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
         TaskError: where F or what else the task gives cannot be used, or its physics breaks down in most steps.
     """
     simulation = make(env, worlds=worlds, threads=1)
-    task = simulation.task
+    simulation.scored, task = scored, simulation.task
     generator = torch.Generator().manual_seed(0)
     simulation.reset()
     taken: list[State] = [simulation.current_state()]
@@ -69,7 +74,8 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
             f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, which count for"
             f" nothing: {'let it observe and pay finite numbers.' if task.draws_itself else cure}"
         )
-    _try_rewards(task, taken[-1])
+    if scored:
+        _try_rewards(task, taken[-1])
     merged: dict[str, Tensor | float | int] = {}
     for variable in task.spec.variables:
         values = [state[variable.name] for state in taken]
