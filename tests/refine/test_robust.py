@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 from report.scripted import search_in
 
@@ -333,6 +334,18 @@ def test_the_robot_is_described_by_what_it_is_made_of() -> None:
     task = registry.get("cartpole")
     text = ranges.described(task, task.compile_model())
     assert text.startswith("Mass ") and "Driven joints: " in text and "It acts every 0.0166 s" in text
+
+
+def test_a_muscle_is_described_by_its_force() -> None:
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <body name="arm"><joint name="bend"/><geom size="0.1"/></body></worldbody><actuator>
+      <muscle name="biceps" joint="bend" lengthrange="0 1" force="300"/>
+      <muscle name="triceps" joint="bend" lengthrange="0 1"/><motor name="motor" joint="bend" gear="3"/>
+      </actuator></mujoco>""")
+    text = ranges.described(registry.get("cartpole"), model)
+    assert "  biceps: muscle, peak force 300, gear 1\n" in text
+    assert "  triceps: muscle, scale of its peak force 200, gear 1\n" in text
+    assert text.endswith("  motor: gain 1, gear 3, bias 0, 0, 0")
 
 
 def test_it_goes_on_with_the_policy_that_it_began_with(searched: Path) -> None:

@@ -111,6 +111,29 @@ def test_each_factor_scales_what_it_names():
     assert [factor for factor in FACTORS if acts(sled, factor)] == ["mass", "inertia", "friction", "gravity"]
 
 
+MUSCLES = ARM.replace('<position joint="shoulder" kp="30" kv="2" forcerange="-5 5"/>', "").replace(
+    '<motor joint="elbow" gear="3"/>',
+    """<muscle name="said" joint="shoulder" lengthrange="0.5 1.5" force="300"/>
+       <muscle name="scaled" joint="elbow" lengthrange="0.5 1.5" scale="200"/>""",
+)
+
+
+def test_muscles_are_stronger_in_whole_and_have_no_stiffness_of_drives():
+    model = mujoco.MjModel.from_xml_string(MUSCLES)
+    assert not acts(model, "stiffness") and not acts(model, "drive_damping")
+    sim = CpuSimulator(model, 2, threads=1)
+    ctrl, force, qpos = sim.bind("ctrl"), sim.bind("actuator_force"), sim.bind("qpos")
+    perturbed(sim, strength=[1.0, 1.4])
+    qpos[:, :2] = 2.0  # so far that both are stretched, and pull by themselves
+    sim.forward(torch.arange(2))
+    for excited in (0.0, 1.0):
+        ctrl[:] = excited
+        for _ in range(2):
+            sim.step(1)
+        strong = force[1] / force[0]
+        assert strong.tolist() == pytest.approx([1.4, 1.4], rel=0.02)
+
+
 def test_a_weak_drive_gives_less_at_its_limit_and_below_it():
     sim = CpuSimulator(mujoco.MjModel.from_xml_string(ARM), 4, threads=1)
     ctrl, force = sim.bind("ctrl"), sim.bind("actuator_force")

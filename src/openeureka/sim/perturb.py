@@ -36,11 +36,17 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
         found = {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
         return found | ({"pair_friction": np.ones_like(model.pair_friction, dtype=bool)} if model.npair else {})
     # A drive's force is gain * control + bias, bias 0 for a motor; of a position drive gain and -bias[1] are kp and
-    # -bias[2] is kv, of a velocity drive gain and -bias[2] are kv.
+    # -bias[2] is kv, of a velocity drive gain and -bias[2] are kv. A muscle's numbers are others.
     gain, bias = (np.zeros_like(field, dtype=bool) for field in (model.actuator_gainprm, model.actuator_biasprm))
-    position, damped = model.actuator_biasprm[:, 1] != 0, model.actuator_biasprm[:, 2] != 0
+    fixed = model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_FIXED)
+    affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    position, damped = (fixed & affine & (model.actuator_biasprm[:, number] != 0) for number in (1, 2))
     if factor == "strength":
-        gain[:, 0], bias[:, :3] = True, True
+        gain[fixed, 0] = True
+        gain[model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_AFFINE), :3] = True
+        bias[affine, :3] = True
+        for muscle in np.flatnonzero(model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_MUSCLE)).tolist():
+            gain[muscle, peak(model, muscle)] = bias[muscle, peak(model, muscle)] = True
         limits = {
             "actuator_forcerange": model.actuator_forcelimited != 0,
             "jnt_actfrcrange": model.jnt_actfrclimited != 0,
@@ -53,6 +59,11 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
         "drive_damping": (~position & damped, False, damped),
     }[factor]
     return {"actuator_gainprm": gain, "actuator_biasprm": bias}
+
+
+def peak(model: mujoco.MjModel, muscle: int) -> int:
+    """Which of a muscle's parameters its force is in proportion to: `force`, or `scale` where that says nothing."""
+    return 2 if model.actuator_gainprm[muscle, 2] >= 0.0 else 3
 
 
 def acts(model: mujoco.MjModel, factor: str) -> bool:

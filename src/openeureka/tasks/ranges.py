@@ -12,7 +12,7 @@ import yaml
 
 from ..config import NO_RANGES
 from ..errors import ConfigError, nearest
-from ..sim.perturb import FACTORS, acts
+from ..sim.perturb import FACTORS, acts, peak
 from ..types import NOMINAL, Ranges
 from ..types.dynamics import QUANTITIES, SCALES, Dynamics
 from .anatomy import driven_joints, floating_joint
@@ -115,11 +115,7 @@ def described(task: type[Task], model: mujoco.MjModel) -> str:
     masses = ", ".join(f"{model.body(b).name} {model.body_mass[b]:.3g}" for b in range(1, model.nbody))
     joints = ", ".join(model.joint(joint).name for joint in driven_joints(model))
     damping, armature = model.dof_damping, model.dof_armature
-    drives = [
-        f"  {model.actuator(a).name}: gain {model.actuator_gainprm[a, 0]:.3g}, gear {model.actuator_gear[a, 0]:.3g}, "
-        f"bias {', '.join(f'{value:.3g}' for value in model.actuator_biasprm[a, :3])}"
-        for a in range(model.nu)
-    ]
+    drives = [f"  {model.actuator(a).name}: {_drive(model, a)}" for a in range(model.nu)]
     return "\n".join(
         (
             f"Mass {model.body_mass.sum():.4g} kg in all: {masses}.",
@@ -129,6 +125,17 @@ def described(task: type[Task], model: mujoco.MjModel) -> str:
             *drives,
         )
     )
+
+
+def _drive(model: mujoco.MjModel, actuator: int) -> str:
+    gear = f"gear {model.actuator_gear[actuator, 0]:.3g}"
+    gain, bias = model.actuator_gainprm[actuator], ", ".join(f"{x:.3g}" for x in model.actuator_biasprm[actuator, :3])
+    if model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_MUSCLE):
+        number = peak(model, actuator)
+        return f"muscle, {'peak force' if number == 2 else 'scale of its peak force'} {gain[number]:.3g}, {gear}"
+    if model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_FIXED):
+        return f"gain {gain[0]:.3g}, {gear}, bias {bias}"
+    return gear
 
 
 def ranges(pairs: Pairs) -> Ranges:
