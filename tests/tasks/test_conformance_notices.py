@@ -10,7 +10,7 @@ from openeureka.errors import TaskError
 from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import make
-from openeureka.tasks.task import State
+from openeureka.tasks.task import Score, State, mean_over_steps
 from openeureka.testing.conformance.task import TaskConformance
 
 
@@ -76,6 +76,33 @@ class InfiniteReward(Cartpole):
         return 1.0 / torch.zeros_like(s["pole_angle"])
 
 
+class MixedFitness(Cartpole):
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_steps(s["pole_angle"] - s["pole_angle"].mean())
+
+
+class MixedEnd(Cartpole):
+    def terminated(self, s: State) -> Tensor:
+        return s["pole_angle"].abs() > s["pole_angle"].abs().mean()
+
+
+class MixedHuman(Cartpole):
+    def human_reward(self, s: State) -> Tensor:
+        return s["pole_angle"] - s["pole_angle"].mean()
+
+
+class MixedSparse(Cartpole):
+    def sparse_reward(self, s: State) -> Tensor:
+        return s["pole_angle"] / s["pole_angle"].abs().max()
+
+
+class MixedHistory(Cartpole):
+    """Its F has in it how long the episodes of all worlds have lasted."""
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_steps(s["pole_angle"] + self.progress.float().mean())
+
+
 class Talkative(Cartpole):
     def observe(self, s: State) -> Tensor:
         """The reward is paid for an upright pole."""
@@ -90,6 +117,11 @@ class Talkative(Cartpole):
         (Undeclared, "test_state_variables_are_those_of_the_spec"),
         (GlobalNoise, "test_worlds_of_equal_seed_live_equal_lives_and_others_do_not"),
         (ForgetfulReset, "test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone"),
+        (MixedFitness, "test_a_world_is_judged_by_itself"),
+        (MixedEnd, "test_a_world_is_judged_by_itself"),
+        (MixedHuman, "test_a_world_is_judged_by_itself"),
+        (MixedSparse, "test_a_world_is_judged_by_itself"),
+        (MixedHistory, "test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone"),
         (Forgotten, "test_a_reset_by_mask_is_a_reset_by_index"),
         (Levels, "test_another_environment_goes_on_from_a_saved_state"),
         (InfiniteReward, "test_fitness_and_rewards_are_finite_numbers_per_world"),

@@ -20,7 +20,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
-from openeureka.tasks.task import Score, State
+from openeureka.tasks.task import Score, State, Task
 from openeureka.training.replay import waits
 
 _HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "terminated", "reset")
@@ -120,16 +120,29 @@ class TaskConformance:
         assert bool(step.terminated[2]) and broken.bad_total == 1
         assert float(step.score.weight[2]) == 0.0
         assert bool(step.observation.isfinite().all())
-        assert torch.equal(step.observation[others], sound.step(actions).observation[others])
+        self._check_equal(broken, sound, step, sound.step(actions), others)
         for _ in range(5):
             after, expected = broken.step(actions), sound.step(actions)
             assert not bool(after.bad.any())
-            assert torch.equal(after.observation[others], expected.observation[others])
+            self._check_equal(broken, sound, after, expected, others)
 
         for simulation in (broken, sound):
             simulation.task.progress[others] = simulation.task.time_limit()
-        after, expected = broken.step(actions), sound.step(actions)
-        assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
+        self._check_equal(broken, sound, broken.step(actions), sound.step(actions), others)
+
+    def test_a_world_is_judged_by_itself(self) -> None:
+        simulation = self._make(worlds=6)
+        simulation.reset()
+        step = _random_steps(simulation, 5)[-1]
+        own = {variable.name for variable in simulation.task.spec.variables if variable.kind == "world"} | {"outcome"}
+        expected = _judged(simulation.task, step.state, step.ended)
+        for strange in (torch.nan, 1000.0, -1000.0):
+            worlds = torch.arange(6) == 2
+            state = {
+                name: value.masked_fill(worlds.view(-1, *[1] * (value.dim() - 1)), strange) if name in own else value
+                for name, value in step.state.items()
+            }
+            _check_alone(_judged(simulation.task, state, step.ended), expected, ~worlds)
 
     def test_a_reset_by_mask_is_a_reset_by_index(self) -> None:
         self._expect_mujoco()
@@ -228,6 +241,12 @@ class TaskConformance:
     def test_states_can_be_recorded(self) -> None:
         self._check_state(record_states(self.env, worlds=4, steps=6, keep=3), worlds=12)
 
+    def _check_equal(self, one: BatchedEnv, other: BatchedEnv, left: Step, right: Step, worlds: Tensor) -> None:
+        """Whether worlds live on as if nothing had happened to any other."""
+        found, expected = (_judged(env.task, step.state, step.ended) for env, step in ((one, left), (other, right)))
+        found["observation"], expected["observation"] = left.observation, right.observation
+        _check_alone(found, expected, worlds)
+
     def _expect_mujoco(self) -> None:
         if get(self.env).draws_itself:
             raise SkipTest("worlds that step themselves are on the CPU, and have no MuJoCo model")
@@ -259,6 +278,22 @@ def _random_steps(simulation: BatchedEnv, count: int) -> list[Step]:
     generator = torch.Generator().manual_seed(0)
     shape = (simulation.num_worlds, simulation.task.num_actions)
     return [simulation.step(torch.randn(shape, generator=generator)) for _ in range(count)]
+
+
+def _judged(task: Task, state: State, ended: Tensor) -> dict[str, Tensor]:
+    """What becomes of a state, (N, ...) each."""
+    score = task.fitness(state, ended)
+    return {
+        "terminated": task.terminated(state),
+        "fitness": torch.stack(score, dim=-1),
+        "human_reward": task.human_reward(state),
+        "sparse_reward": task.sparse_reward(state),
+    }
+
+
+def _check_alone(found: dict[str, Tensor], expected: dict[str, Tensor], worlds: Tensor) -> None:
+    mixed = [name for name, values in found.items() if not torch.equal(values[worlds], expected[name][worlds])]
+    assert not mixed, f"{mixed} of a world depend on other worlds: does a mean, maximum or sum leave out dim=-1?"
 
 
 def _tensors(step: Step) -> dict[str, Tensor]:
