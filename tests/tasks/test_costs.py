@@ -8,6 +8,7 @@ import torch
 from openeureka.errors import ConfigError
 from openeureka.tasks import costs, registry
 from openeureka.tasks.costs import Meter
+from openeureka.tasks.env import BatchedEnv
 
 LEGGED = (
     *("torque", "torque_peak", "torque_rate", "joint_limits", "speed", "power"),
@@ -25,7 +26,16 @@ LEGGED = (
     ],
 )
 def test_a_task_has_the_costs_that_its_model_gives(env: str, names: tuple[str, ...]) -> None:
-    assert costs.measured(registry.get(env).compile_model()) == names
+    task = registry.get(env)
+    assert costs.measured(task, task.compile_model()) == names
+
+
+def test_an_episode_that_a_success_may_end_is_no_fall() -> None:
+    class Arriving(registry.get("anymal")):
+        counts_early = False
+
+    assert "falls" not in costs.measured(Arriving, Arriving.compile_model())
+    assert Meter(BatchedEnv(Arriving, worlds=1, threads=1)).names == LEGGED[:-1]
 
 
 def test_numbers_are_those_of_the_simulation() -> None:

@@ -14,6 +14,7 @@ from ..types import COSTS, Limits
 from .anatomy import driven_joints, floating_joint, scalar_joints
 from .env import BatchedEnv, Step
 from .registry import get
+from .task import Task
 
 NEAR_END = 0.01
 """Share of its range within which a joint is at an end of it."""
@@ -31,7 +32,7 @@ class Meter:
 
     def __init__(self, env: BatchedEnv) -> None:
         self._env, self._each = env, dict[str, Callable[[], Tensor]]()
-        self.names = () if env.task.draws_itself else measured(env.sim.model)
+        self.names = () if env.task.draws_itself else measured(type(env.task), env.sim.model)
         """Costs that there are, in the order of `COSTS`."""
         if not self.names:
             return
@@ -103,14 +104,14 @@ class Meter:
         return (torque - before).abs().amax(1).masked_fill(first, 0.0)
 
 
-def measured(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Which of `COSTS` a model has."""
+def measured(task: type[Task], model: mujoco.MjModel) -> tuple[str, ...]:
+    """Which of `COSTS` a task has, with this model: an early end is a fall where only failures end an episode early."""
     joints, found = _driven(model), set[str]()
     if joints:
         found |= set(_TORQUES)
         found |= {"joint_limits"} if any(model.jnt_limited[joint] for joint in joints) else set()
     if floating_joint(model) >= 0:
-        found.add("falls")
+        found |= {"falls"} if task.counts_early else set()
         touches = (model.geom_contype | model.geom_conaffinity) != 0
         # What holds a closed chain together would count as contact.
         held = np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any()
@@ -123,7 +124,7 @@ def check(env: str, limits: Limits) -> None:
     if not limits:
         return
     task = get(env)
-    known = () if task.draws_itself else measured(task.compile_model())
+    known = () if task.draws_itself else measured(task, task.compile_model())
     for name in limits:
         if name not in known:
             raise ConfigError(

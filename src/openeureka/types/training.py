@@ -273,7 +273,7 @@ COSTS: Mapping[str, Cost] = {
     "speed": Cost("rad/s", "fastest driven joint, mean over steps"),
     "power": Cost("W", "torque times rate of all driven joints, whichever its sign, mean over steps"),
     "contact_force": Cost("N", "largest net force of all contacts on the robot in an episode, mean over episodes"),
-    "falls": Cost("share", "episodes that end early"),
+    "falls": Cost("share", "episodes that a failure ends early"),
 }
 """By name. Joints that slide are measured in N, N/s and m/s."""
 

@@ -42,6 +42,7 @@ class Anymal(Task):
     human = REWARDS / "anymal.py"
     score_unit, score_range = "sum of squared velocity errors, negated", (None, 0.0)
     ends = "An episode ends early when something touches the base or a thigh with more than 1 N."
+    counts_early = True
     episode_length = 2500
     time_out_early = 1
     control_dt = 0.02

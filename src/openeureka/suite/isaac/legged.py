@@ -27,6 +27,7 @@ class Runner(Task):
 
     score_unit = "m/s"
     time_out_early = 1
+    counts_early = True
     memory = ("prev_potentials",)
     unmeasured = (("torso_height", range(0, 1)), ("torso_velocity", range(1, 4)))
     feet: ClassVar[tuple[str, ...]]

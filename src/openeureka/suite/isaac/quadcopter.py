@@ -36,6 +36,7 @@ class Quadcopter(Task):
     ends = (
         "An episode ends early when the chassis is more than 3 m from its target, or less than 0.3 m above the ground."
     )
+    counts_early = True
     episode_length = 500
     time_out_early = 1
     control_dt = 0.01
