@@ -106,7 +106,7 @@ def test_a_robot_that_falls_without_actions_is_said_to(robot, capsys, floor):
 
 
 def test_what_mujoco_says_of_the_file_is_not_printed(robot, capsys, recwarn):
-    (robot / "dog.xml").write_text(LEGGED.format('coordinate="local"'))
+    (robot / "dog.xml").write_text(LEGGED.format('settotalmass="3"'))
     assert run("new", "dog.py", "model=dog.xml") == 0
     assert not recwarn.list and "Warning" not in capsys.readouterr().err
 
