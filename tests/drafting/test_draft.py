@@ -538,6 +538,20 @@ def test_the_language_model_sees_the_state_and_not_the_score(tmp_path: Path):
     assert "FALLEN" not in seen.source and "sparse" not in seen.source
 
 
+def test_the_guide_shows_what_a_draft_says(tmp_path: Path):
+    guide = (Path(__file__).parents[2] / "docs/guides/your-own-task.md").read_text()
+    shown = next(block for block in guide.split("```python\n") if "names = Names(self.sim)" in block).split("```")[0]
+    arm = '<body name="arm"><joint name="turn"/><geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.02"/></body>'
+    cube = '<body name="cube" pos="0.3 0.2 0.03"><freejoint/><geom type="box" size="0.03 0.03 0.03"/></body>'
+    model = f"""<mujoco><worldbody>{arm}{cube}<site name="goal" pos="0.3 -0.2 0"/></worldbody>
+      <actuator><motor joint="turn"/></actuator></mujoco>"""
+    text = draft(tmp_path / "odd.py", odd(tmp_path, model)).text
+    for part in shown.split("..."):
+        lines = [line.strip() for line in part.strip().splitlines() if line.strip()]
+        found = [line.strip() for line in text.splitlines() if line.strip() in lines]
+        assert found[: len(lines)] == lines
+
+
 def test_the_commands_in_a_draft_can_be_typed_as_they_stand(tmp_path: Path):
     assert f"eureka run 'env={tmp_path}/my robot.py'\n" in draft(tmp_path / "my robot.py", odd(tmp_path)).text
 
