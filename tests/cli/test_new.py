@@ -105,6 +105,14 @@ def test_a_robot_that_falls_without_actions_is_said_to(robot, capsys, floor):
     assert falls is not floor
 
 
+@pytest.mark.timeout(60)
+def test_a_robot_that_flies_apart_before_it_stands_is_drafted_all_the_same(robot, capsys):
+    wild = LEGGED.format("").replace("<worldbody>", '<option gravity="0 0 1e12"/><worldbody>')
+    (robot / "dog.xml").write_text(wild)
+    assert run("new", "dog.py", "model=dog.xml") == 0
+    assert "its physics broke down" in capsys.readouterr().out
+
+
 def test_what_mujoco_says_of_the_file_is_not_printed(robot, capsys, recwarn):
     (robot / "dog.xml").write_text(LEGGED.format('settotalmass="3"'))
     assert run("new", "dog.py", "model=dog.xml") == 0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -83,7 +85,7 @@ class Survey:
         assert self.base is not None
         return tuple((self._data.xmat[self.base].reshape(3, 3)[2].round(4) + 0.0).tolist())
 
-    @property
+    @cached_property
     def fallen(self) -> float:
         """[m] height of the base below which a robot has fallen; 0 for one that cannot."""
         height = self._standing() if self.base is not None and self.rises else 0.0
@@ -95,7 +97,7 @@ class Survey:
         model, data = self.model, mujoco.MjData(self.model)
         data.qpos[:] = self._home
         data.ctrl[:] = [(control.low + control.high) / 2.0 for control in controls(model)]
-        while data.time < SETTLED:
+        for _ in range(math.ceil(SETTLED / model.opt.timestep)):  # time itself starts anew where physics breaks down
             mujoco.mj_step1(model, data)
             if depths(model, data, self.base):
                 return min(self.height, float(data.xpos[self.base, 2]))

@@ -13,10 +13,10 @@ from .anatomy import BALL, FREE, HINGE, SLIDE, name_of, own_joints
 
 
 class Names:
-    """Columns of MuJoCo's fields, found by name when a task starts: a number in its file would be another body's once
-    the model is edited.
+    """Columns of MuJoCo's fields, found by name when a task starts.
 
-    Every method raises TaskError where the model has no such name.
+    A number in the task's file would be another body's once the model is edited. Every method raises TaskError where
+    the model has no such name.
     """
 
     def __init__(self, sim: Simulator) -> None:
