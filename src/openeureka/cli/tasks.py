@@ -18,7 +18,7 @@ import torch
 
 from ..config import RunConfig
 from ..drafting.draft import Draft, class_name, draft
-from ..errors import ConfigError
+from ..errors import ConfigError, TaskError
 from ..method import baselines, prompts
 from ..numbers import columns, number
 from ..parsing import command_line, parse
@@ -96,7 +96,12 @@ def _baselines(env: str) -> tuple[float | None, float | None]:
 def context(words: Sequence[str]) -> None:
     """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    known = informed(context_of(env), record_states(env, scored=False), RunConfig(env=env))
+    try:
+        recorded = record_states(env)
+    except TaskError as fault:  # F that is not written yet: what there is to write it with is shown all the same
+        recorded = record_states(env, scored=False)
+        print(fault, file=sys.stderr)
+    known = informed(context_of(env), recorded, RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
     print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
 
