@@ -149,11 +149,11 @@ class Survey:
             ]
         return [place for place in found if name_of(model, place.kind, place.index)]
 
-    def has_middle(self, place: Place) -> bool:
+    def has_middle(self, place: Point) -> bool:
         """Whether being near its position means something: a plane or a height field is near everywhere."""
         return place.kind != "GEOM" or int(self.model.geom_type[place.index]) not in _SHAPELESS
 
-    def is_held(self, place: Place) -> bool:
+    def is_held(self, place: Point) -> bool:
         """Whether an equality holds joints together that carry it, so that it does not go where they would bring it."""
         return bool(carrying(self.model, place.body) & looped(self.model))
 

@@ -26,7 +26,7 @@ from ..tasks.anatomy import (
 from ..tasks.sensors import readings
 from ..tasks.task import Task
 from ..types import StateUse
-from .survey import Place, Survey
+from .survey import Point, Survey
 
 _OF_BODIES = ("pos", "quat", "linvel", "angvel")
 _OF_DRAFTS = ("obs_buf", "joint_pos", "joint_vel", "goal_pos", "actions", "num_envs")
@@ -74,15 +74,15 @@ class StateTable:
         for link in survey.links:
             self._beginning("BODY", link.body)
 
-    def variable(self, place: Place) -> str:
+    def variable(self, place: Point) -> str:
         """The name of the state variable that says where it is."""
         return f"{self._beginning(place.kind, place.index)}_pos"
 
-    def value(self, place: Place) -> str:
+    def value(self, place: Point) -> str:
         """Python for where it is, (N, 3)."""
         return f"self.{place.field}[:, self.{self._index(place.kind, place.index)}].clone()"
 
-    def variables(self, mover: Place | None = None, hand: Place | None = None) -> Iterator[Variable]:
+    def variables(self, mover: Point | None = None, hand: Point | None = None) -> Iterator[Variable]:
         """Those of the table, with the position of `mover`, what a task is about, observed, and that of `hand`."""
         told, known = self.variable(mover) if mover else "", set[str]()
         for variable in self._all():
@@ -111,7 +111,7 @@ class StateTable:
             yield self._position(link, seen=False)
         yield from self._sensors()
 
-    def _position(self, place: Place, *, seen: bool) -> Variable:
+    def _position(self, place: Point, *, seen: bool) -> Variable:
         meaning = f"{'centre of mass' if place.field == 'xipos' else 'position'} of {place.name} [m]"
         name, observed = self.variable(place), range(3) if seen else ()
         return Variable(name=name, value=self.value(place), meaning=meaning, size=3, use="point", seen=observed)
