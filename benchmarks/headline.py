@@ -238,24 +238,25 @@ def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
     return ((name, row) for name, row in known if row["difference"] is not None)
 
 
-def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float]]:
-    """A row a task whose rewards do not both score zero: the difference and its interval, as shares of the larger F."""
+def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, float]]:
+    """A row a task whose rewards do not both score zero: how it ended, and the difference and its interval, as shares
+    of the larger F."""
     found = []
     for name, row in differences(measured):
         if largest := max(abs(mean(row[arm]) or 0.0) for arm in ("generated", "human")):
             value, low, high = (end / largest for end in row["difference"])
-            found.append((name, value, low, high))
+            found.append((name, ending(row), value, low, high))
     return found
 
 
-def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
-    """A row a task that is not both at zero: correlation with the human reward, and the difference in halves of its
-    interval, so that beyond 1 it is decided. A difference without any spread has no place in that."""
+def novelty(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float]]:
+    """A row a task that is not both at zero: how it ended, correlation with the human reward, and the difference in
+    halves of its interval, so that beyond 1 it is decided. A difference without any spread has no place in that."""
     found = []
     for name, row in differences(measured):
-        value, _, high = row["difference"]
-        if ending(row) != "both at zero" and (high > value or not value):
-            found.append((name, row["correlation_with_human"], value / (high - value) if value else 0.0))
+        (value, _, high), how = row["difference"], ending(row)
+        if how != "both at zero" and (high > value or not value):
+            found.append((name, how, row["correlation_with_human"], value / (high - value) if value else 0.0))
     return found
 
 

@@ -23,6 +23,7 @@ STYLE = {
     "legend.frameon": False,
 }
 COLOURS = {"plain": "#888888", "longer": "#5aa469", "uniform": "#d98b2b", "ours": "#1f6fb2"}
+ENDINGS = {"better": "#1f6fb2", "worse": "#b03a2e", "level": "#888888", "too few seeds": "#d2d2d2"}
 Record = Mapping[str, Any]
 
 
@@ -69,14 +70,15 @@ def correlations(
     return _svg(figure)
 
 
-def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
-    """Rows of task, and how much more the generated reward's F is than the human one's, as a share of the larger, with
-    both ends of its interval."""
+def bars(rows: Sequence[tuple[str, str, float, float, float]]) -> str:
+    """Rows of task, how it ended, and how much more the generated reward's F is than the human one's, as a share of the
+    larger, with both ends of its interval."""
     figure = _figure(8.0, 0.6 + 0.34 * len(rows))
     axes = figure.add_subplot()
-    for place, (_, value, low, high) in enumerate(rows):
-        axes.barh(place, value, color=_colour(better=low > 0.0, worse=high < 0.0), height=0.6)
+    for place, (_, ending, value, low, high) in enumerate(rows):
+        axes.barh(place, value, color=ENDINGS[ending], height=0.6)
         axes.plot([low, high], [place, place], "-", color="#222222", linewidth=1.0)
+        axes.plot(value, place, "o", color="#222222", markersize=4.0)  # a bar of zero length is none
     axes.axvline(0.0, color="#222222", linewidth=1.0)
     axes.set_xlim(-1.5, 1.5)  # an interval of three seeds can be ten times as wide, and would flatten all others
     axes.set_yticks(range(len(rows)), [task for task, *_ in rows])
@@ -86,24 +88,28 @@ def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
     return _svg(figure)
 
 
-def novelty(rows: Sequence[tuple[str, float, float]]) -> str:
-    """Rows of task, correlation of the generated reward with the human one, and difference in half intervals."""
+def novelty(rows: Sequence[tuple[str, str, float, float]]) -> str:
+    """Rows of task, how it ended, correlation of the generated reward with the human one, and difference in half
+    intervals."""
     figure = _figure(8.0, 3.6)
     axes = figure.add_subplot()
-    for task, correlation, halves in rows:
-        axes.plot(correlation, halves, "o", color=_colour(better=halves > 1.0, worse=halves < -1.0))
+    for _, ending, correlation, halves in rows:
+        axes.plot(correlation, halves, "o", color=ENDINGS[ending])
+    low, high = axes.get_ylim()
+    line, names = (high - low) / 18, list[tuple[float, float, float]]()
+    for task, _, correlation, halves in sorted(rows, key=lambda row: row[-1]):
         if abs(halves) > 1.0:  # the names of all would cover each other
-            axes.annotate(task, (correlation, halves), (-6, -3), textcoords="offset points", ha="right")
+            right = correlation - 0.025
+            left = right - 0.022 * len(task)  # a little more than it takes
+            above = max([halves, *(y + line for begin, end, y in names if begin < right and left < end)])
+            axes.text(right, above, task, ha="right", va="center")
+            names.append((left, right, above))
     for level in (-1.0, 0.0, 1.0):
         axes.axhline(level, color="#444444", linewidth=0.8, linestyle="-" if level == 0.0 else ":")
     axes.set_xlim(-1.05, 1.05)
     axes.set_xlabel("correlation of the generated reward with the human one")
     axes.set_ylabel("difference in F, in halves\nof its 95 % interval")
     return _svg(figure)
-
-
-def _colour(*, better: bool, worse: bool) -> str:
-    return "#1f6fb2" if better else "#b03a2e" if worse else "#888888"
 
 
 def _free(axes: Axes) -> None:

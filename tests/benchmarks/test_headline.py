@@ -101,9 +101,9 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: Modu
     assert first[0] == "ant" and "level" in first and "3.5" in first[2]
     assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # of the human mean 1.5, and of 4
-    assert headline.gains({"ant": own}) == [("ant", -0.5, -0.75, -0.25)]
+    assert headline.gains({"ant": own}) == [("ant", "worse", -0.5, -0.75, -0.25)]
     unreached = {**row([3.0, 4.0], [0.0, 0.0], [3.5, 1.75, 5.25]), "confirmed": None}
-    assert headline.gains({"ant": unreached}) == [("ant", 1.0, 0.5, 1.5)], "the strongest win has a bar too"
+    assert headline.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "the strongest win has a bar too"
 
 
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(
@@ -163,9 +163,10 @@ def test_the_figure_shows_what_is_decided_beyond_one(headline: ModuleType):
     level = row([1.0, 2.0], [2.0, 0.5], [0.25, -0.75, 1.25])
     better = row([3.0, 4.0], [0.0, 0.0], [3.0, 1.0, 5.0])
     shown = headline.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
-    assert shown == [("ant", 0.5, 1.5), ("anymal", 0.5, 0.25)]
+    assert shown == [("ant", "better", 0.5, 1.5), ("anymal", "level", 0.5, 0.25)]
     ones, apart = row([1.0, 1.0], [1.0, 1.0], [0.0, 0.0, 0.0]), row([1.0, 1.0], [0.0, 0.0], [1.0, 1.0, 1.0])
-    assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", 0.5, 0.0)]  # every seed comes to the same
+    # Every seed comes to the same.
+    assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", "too few seeds", 0.5, 0.0)]
 
 
 def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
