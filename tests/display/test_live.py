@@ -1,5 +1,6 @@
 import io
 import time
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -185,6 +186,23 @@ def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
         frame = Console(file=io.StringIO(), width=160)
         frame.print(shown.render())
         assert isinstance(frame.file, io.StringIO) and LANE not in frame.file.getvalue()
+
+
+def test_final_trainings_are_called_by_the_slot_of_their_reward_and_its_seed():
+    winner, twin = replace(ACCEPTED, generation=0, slot=3), replace(ACCEPTED, generation=1, slot=0)
+    with view(CONFIG, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
+        assert isinstance(shown, TerminalView)
+        shown(Generation(0, (Scored(sample=winner, result=RESULT, feedback=""),)))  # as a resumed run tells it
+        shown(Checked(twin))
+        shown(Began(2, "final"))
+        for lane in (f"{PROGRAM.id}-s1", "human-s2", f"{PROGRAM.id}-s0-uniform"):
+            shown(replace(RESULT, lane=lane))
+        frame = Console(file=io.StringIO(), width=160)
+        frame.print(shown.render())
+    assert isinstance(frame.file, io.StringIO)
+    _, head, *rows = frame.file.getvalue().splitlines()
+    assert head.split("  ")[0] == "reward, seed" and head.split().count("training") == 1
+    assert [row.split("  ")[0] for row in rows] == ["g0s3, 1", "human, 2", "g0s3, 0-uniform"]
 
 
 def shown_rows(shown: TerminalView) -> dict[str, str]:

@@ -184,6 +184,8 @@ class TerminalView:
     def __init__(self, console: Console, config: RunConfig, usage: Usage) -> None:
         self._tally = Tally(config, usage)
         self._samples: dict[int, Sample] = {}
+        self._places: dict[str, str] = {}
+        """Where each candidate, by id, first came up: people know it by that."""
         self._replied: set[int] = set()
         self._asked: dict[int, float] = {}
         """Slots that the model writes for, with the time at which it began."""
@@ -214,6 +216,7 @@ class TerminalView:
                 self._replied.add(slot)
             case Checked(sample):
                 self._samples[sample.slot] = sample
+                self._place(sample)
             case TrainingProgress():
                 self._progress(event)
             case TrainingResult():
@@ -222,8 +225,14 @@ class TerminalView:
                 self._played |= scores
             case Generation():  # its line stays above the table: a screen is too low for all of them in it
                 self._live.console.print(Text(self._tally.generation_done(event)))
+                for entry in event.entries:  # of a resumed run nothing else tells
+                    self._place(entry.sample)
             case Outcome():
                 pass
+
+    def _place(self, sample: Sample) -> None:
+        if sample.candidate is not None:
+            self._places.setdefault(sample.candidate.id, str(sample.place))
 
     def _begin(self, began: Began) -> None:
         stage = self._tally.stage
@@ -282,9 +291,10 @@ class TerminalView:
         return f"being written{again}, {duration(time.monotonic() - self._asked[slot])}"
 
     def _lanes(self) -> Table:
-        table = Table("training", *SCORES, box=None, pad_edge=False)
+        table = Table("reward, seed", *SCORES, box=None, pad_edge=False)
         for lane in self._fitness:
-            table.add_row(Text(lane), *self._scores(lane))
+            reward, _, seed = lane.rpartition("-s")
+            table.add_row(Text(f"{self._places.get(reward, reward)}, {seed}"), *self._scores(lane))
         return table
 
     def _scores(self, lane: str) -> tuple[str, str, str]:
