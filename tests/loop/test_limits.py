@@ -11,6 +11,7 @@ import pytest
 from report.scripted import search_in
 
 from openeureka import strategies
+from openeureka.cli.show import show
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.events import Event
@@ -71,6 +72,14 @@ def test_without_limits_costs_are_kept_and_of_them_the_model_hears_of_early_ends
         assert one.crown() == other.crown() and played(other.lanes.plays()["human-s0"], {}).costs["torque"] == 100.0
     assert costs.table(RunView.read(plain)).rows == []
     assert not any(row[0] == Kind.LIMITS for row in tables.exploits(RunView.read(plain)).rows)
+
+
+def test_a_terminal_is_shown_the_costs_that_have_a_limit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    show(search_in(tmp_path / "free", [reply(7), reply(8)], trainer=Costly()))
+    assert "costs when played" not in capsys.readouterr().out
+    show(search_in(tmp_path / "run", [reply(7), reply(8)], trainer=Costly(), limits="torque=75"))
+    printed = capsys.readouterr().out
+    assert "torque [N m], at most 75" in printed and "falls" not in printed
 
 
 def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_path: Path) -> None:

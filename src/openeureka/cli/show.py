@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
+import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,27 +46,39 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         print(json.dumps(facts(run), indent=2))
         return
     if run.tunes:
-        print("\n".join([*tuned(run), *(["", *robust_lines(run.robust)] if run.robust is not None else [])]))
+        tell([*tuned(run), *(["", *robust_lines(run.robust)] if run.robust is not None else [])])
         return
     if not run.searched:
-        print("\n".join(given_lines(run)))
-        print("".join(_costs(run)))
-        print("\n".join(robust_lines(run.robust) if run.robust is not None else []))
+        tell([*given_lines(run), *_costs(run)])
+        tell(robust_lines(run.robust) if run.robust is not None else [])
         return
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for entry in run.history.entries]
     votes = ["votes"] if strengths else []
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
-    print(plain(columns([titles, *slots]) if slots else "No generation is trained yet."))
-    print("".join(_costs(run)))
+    tell([columns([titles, *slots]) if slots else "No generation is trained yet.", *_costs(run)])
     said = [_said(f"After generation {g.index}", g.remarks) for g in run.history.generations]
     print("".join([*said, _said("Since the last prompt", run.unheard)]))
-    print(plain("\n".join(summary(run))))
+    tell(summary(run))
     if len(run.history.generations) < run.config.generations and not is_held(directory):
         log = f"{directory / LOG} says what it did last. " if artifacts.exists(directory, LOG) else ""
         print(plain(f"Nobody works on this run. {log}To go on: {command_line('resume', directory)}"))
     if (best := run.best_text) is not None:
         print(f"\nBest reward ({best.id}):\n\n{plain(best.source)}")
+
+
+def tell(lines: Sequence[str]) -> None:
+    """Print tables and sentences. On a terminal a sentence goes on in the next line between two words; a row of a
+    table, whose cells are two blanks apart, where it may."""
+    text = plain("\n".join(lines))
+    if sys.stdout is not None and sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
+        text = "\n".join(line if "  " in line else _wrapped(line, width) for line in text.splitlines())
+    print(text)
+
+
+def _wrapped(line: str, width: int) -> str:
+    return textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
 
 
 def _said(when: str, remarks: Sequence[Remark]) -> str:
@@ -73,9 +88,10 @@ def _said(when: str, remarks: Sequence[Remark]) -> str:
 
 
 def _costs(run: RunView) -> list[str]:
-    """Costs of the policies that were played, where their task has some."""
-    found = costs.table(run)
-    return ["\n", "\n".join(_lines(found))] if found.rows else []
+    """Costs that have a limit, of the policies that were played; the report has all, which no terminal is wide enough
+    for."""
+    found = costs.table(run, run.config.cost_limits)
+    return ["", *(_lines(found) if found.rows else [])]
 
 
 def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
 from .settings import BenchConfig, only_path, split, trusting
-from .show import closing, facts, given_lines, robust_lines, summary, tuned
+from .show import closing, facts, given_lines, robust_lines, summary, tell, tuned
 from .terminal import Terminal
 
 
@@ -77,7 +77,7 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
     result = RunView.read(directory)
     if (best := result.best_text) is not None:
         print(f"\nBest reward:\n\n{plain(best.source)}")
-    print("\n".join(summary(result)))
+    tell(summary(result))
     _close(result, directory, problems)
 
 
@@ -113,7 +113,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     """
     problems = compose.train(config, directory, rewards, Terminal())
     run = RunView.read(directory)
-    print("\n".join(["", *given_lines(run)]))
+    tell(["", *given_lines(run)])
     for lane, result in run.results.items():
         if result.state is TrainingState.DIVERGED:
             print(plain(f"{lane} {result.message}"))
@@ -165,7 +165,7 @@ def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | 
     """
     problems = compose.tune(config, directory, reward, Terminal())
     run = RunView.read(directory)
-    print("\n".join(["", *tuned(run)]))
+    tell(["", *tuned(run)])
     _close(run, directory, problems)
     return run
 
@@ -183,7 +183,7 @@ def robust(words: Sequence[str]) -> None:
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust
     if found is not None:
-        print("\n".join(["", *robust_lines(found)]))
+        tell(["", *robust_lines(found)])
     for problem in problems:
         print(plain(problem))
     print(f"\nThe policy and its ranges are in {directory / 'robust'}; begin with report.html")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from ..config import NO_MODEL
 from ..numbers import number, scored
 from ..types import COSTS, OWN_REWARDS, Evaluation, lane_id
@@ -9,11 +11,12 @@ from .tables import Table
 from .view import RunView
 
 
-def table(run: RunView) -> Table:
-    """A row for each policy that was played, candidates before baselines; no rows where nothing is measured."""
+def table(run: RunView, shown: Container[str] = COSTS) -> Table:
+    """A row for each policy that was played, candidates before baselines; no rows where nothing that is to be shown is
+    measured."""
     scores = _scores(run)
     limits = run.config.cost_limits
-    names = [name for name in COSTS if any(name in score.costs for score in scores.values())]
+    names = [name for name in COSTS if name in shown and any(name in score.costs for score in scores.values())]
     rows = [
         (
             called,
