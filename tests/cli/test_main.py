@@ -29,6 +29,14 @@ def test_the_help_of_every_command_shows_an_example_of_itself(name, capsys):
     assert f"Example: eureka {name}" in capsys.readouterr().out
 
 
+def test_the_list_of_commands_has_a_whole_sentence_a_line_at_80_columns(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("--help") == 0
+    lines = capsys.readouterr().out.split("Commands:\n")[1].splitlines()
+    assert sorted(line.split()[0] for line in lines) == COMMANDS
+    assert not [line for line in lines if len(line) > 80 or not line.endswith(".") or line.endswith("...")]
+
+
 def test_the_help_of_resume_names_the_settings_that_may_change(capsys):
     run("resume", "--help")
     help_ = " ".join(capsys.readouterr().out.split())

@@ -74,7 +74,7 @@ Json = Annotated[bool, typer.Option("--json", help="For programs: print JSON.")]
 RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
-@app.command(epilog=describe(RunConfig))
+@app.command(short_help="Search for a reward and keep the best one, with a report.", epilog=describe(RunConfig))
 def run(words: Settings = None) -> None:
     """Search for a reward and keep the best one, its policy, a video and a report.
 
@@ -99,7 +99,7 @@ def resume(words: Words = None) -> None:
     resume(words or [])
 
 
-@app.command()
+@app.command(short_help="Stop a search from another shell.")
 def stop(directory: RunDirectory) -> None:
     """Stop a search from another shell, as Ctrl-C does in its own; `eureka resume` continues it.
 
@@ -110,7 +110,7 @@ def stop(directory: RunDirectory) -> None:
     stop(directory)
 
 
-@app.command()
+@app.command(short_help="Say something to a run with feedback=human.")
 def feedback(directory: RunDirectory, words: Remarks = None) -> None:
     """Say something to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
 
@@ -132,7 +132,7 @@ def show(directory: RunDirectory, as_json: Json = False) -> None:
     show(directory, as_json=as_json)
 
 
-@app.command(epilog=describe(ReportConfig))
+@app.command(short_help="Write report.html, policy.onnx and missing videos of a run.", epilog=describe(ReportConfig))
 def report(words: Words = None) -> None:
     """Write report.html, policy.onnx, TensorBoard events and missing videos of a run.
 
@@ -143,7 +143,7 @@ def report(words: Words = None) -> None:
     report(words or [])
 
 
-@app.command(epilog=describe(ExportConfig))
+@app.command(short_help="Write the best reward for Gymnasium, mjlab or Isaac Lab.", epilog=describe(ExportConfig))
 def export(words: Words = None) -> None:
     """Write the best reward of a gym:, mjlab: or isaaclab: run as a file for use there, without openeureka.
 
@@ -165,7 +165,7 @@ def train(words: Settings = None, as_json: Json = False) -> None:
     train(words or [], as_json=as_json)
 
 
-@app.command(epilog=describe(TuneConfig))
+@app.command(short_help="Fit the numbers of one reward, its structure kept.", epilog=describe(TuneConfig))
 def tune(words: Settings = None, as_json: Json = False) -> None:
     """Fit the numbers of one reward, its structure kept: which matter, and what F gains.
 
@@ -176,7 +176,7 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
     tune(words or [], as_json=as_json)
 
 
-@app.command(epilog=describe(RobustConfig))
+@app.command(short_help="Train the best policy on for other masses, frictions, delays.", epilog=describe(RobustConfig))
 def robust(words: Words = None) -> None:
     """Fine-tune the best policy under domain randomisation, with ranges that a model proposes.
 
@@ -187,7 +187,7 @@ def robust(words: Words = None) -> None:
     robust(words or [])
 
 
-@app.command(epilog=describe(BenchConfig))
+@app.command(short_help="Compare models or searches over tasks and seeds.", epilog=describe(BenchConfig))
 def bench(words: Words = None) -> None:
     """Compare arms, such as models or searches, over tasks and seeds; the same command goes on where it stopped.
 
@@ -209,7 +209,7 @@ def check(words: Words = None, as_json: Json = False) -> None:
     raise typer.Exit(check(words or [], as_json=as_json))
 
 
-@app.command(epilog=describe(PlayConfig))
+@app.command(short_help="Show a policy in a window, a browser or a video.", epilog=describe(PlayConfig))
 def play(
     words: Words = None, web: Annotated[bool, typer.Option("--web", help="In a browser, in 3-D.")] = False
 ) -> None:
@@ -222,7 +222,7 @@ def play(
     play(words or [], web=web)
 
 
-@app.command(epilog=describe(PageConfig))
+@app.command(short_help="Serve a local page that follows runs and starts new ones.", epilog=describe(PageConfig))
 def ui(words: Words = None) -> None:
     """Serve a local page that lists the runs below a folder (outputs/), follows one, and starts new ones.
 
@@ -233,7 +233,7 @@ def ui(words: Words = None) -> None:
     ui(words or [])
 
 
-@app.command(epilog=describe(ContextConfig))
+@app.command(short_help="Print what a language model may know of a task.", epilog=describe(ContextConfig))
 def context(words: Settings = None) -> None:
     """Print what a language model may know of a task: intent, state table, pruned source.
 
@@ -244,7 +244,7 @@ def context(words: Settings = None) -> None:
     context(words or [])
 
 
-@app.command(epilog=describe(NewConfig))
+@app.command(short_help="Draft a task of your own from a model or an environment.", epilog=describe(NewConfig))
 def new(words: Words = None) -> None:
     """Draft a task of your own from a MuJoCo model or an environment: it runs as it is, and says what to change.
 
@@ -266,7 +266,7 @@ def envs(as_json: Json = False) -> None:
     envs(as_json=as_json)
 
 
-@app.command()
+@app.command(short_help="Download the embedded model's weights piece by piece.")
 def fetch() -> None:
     """Download the embedded model's weights piece by piece, with half the disk space that installing them needs.
 
@@ -277,7 +277,7 @@ def fetch() -> None:
     print(f"The embedded model's weights are complete: {weights.fetch()}")
 
 
-@app.command(epilog=describe(DoctorConfig))
+@app.command(short_help="Say what this machine can do, and what to install.", epilog=describe(DoctorConfig))
 def doctor(words: Settings = None) -> None:
     """Say what this machine can do, or each node of a cluster, and what to install where something is missing.
 
