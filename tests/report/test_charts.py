@@ -65,10 +65,13 @@ def test_progress_shows_candidates_in_order_the_best_so_far_and_the_baselines():
     assert chart.bounds == (0, 3, 5)
 
 
-def test_runs_of_different_tasks_are_not_drawn_on_one_scale():
-    other = dataclasses.replace(finished(), config=dataclasses.replace(finished().config, env="ant"))
-    drawn = charts.best_by_candidate({"a": finished(), "b": finished(), "c": other})
-    assert [[line.name for line in chart.lines] for chart in drawn] == [["a", "b"], ["c"]]
+def test_runs_of_different_tasks_are_not_drawn_on_one_scale_and_one_alone_is_not_drawn():
+    ant, pen = (
+        dataclasses.replace(finished(), config=dataclasses.replace(finished().config, env=env))
+        for env in ("ant", "pen")
+    )
+    drawn = charts.best_by_candidate({"a": finished(), "b": ant, "c": finished(), "d": pen, "e": ant})
+    assert [[line.name for line in chart.lines] for chart in drawn] == [["a", "c"], ["b", "e"]]
     assert drawn[1].title == "ant: best F so far"
 
 

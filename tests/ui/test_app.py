@@ -23,6 +23,8 @@ from openeureka.events import Began, nobody
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
 from openeureka.parsing import command_line
+from openeureka.report.view import RunView
+from openeureka.stats import mean
 from openeureka.store import Store, read_config
 from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.store.directory import is_asked_to_stop
@@ -41,12 +43,37 @@ def shown(client, path: str) -> Page:
     return Page(answer.text)
 
 
-def test_the_list_names_each_run_with_state_task_model_and_best(tmp_path):
+def test_the_list_names_each_run_with_state_task_model_and_score(tmp_path):
     search_in(tmp_path / "first", [reply(1), reply(2)])
     page = shown(visitor(tmp_path), "/")
     assert "/runs/first/" in page.links()
-    for cell in ("first", "finished", "toy", "local", "1 of 1", "1", "0.0200"):  # two replies of a cent
+    for cell in ("first", "finished", "toy", "local", "1 of 1", "1.01", "0.0200"):  # two replies of a cent
         assert re.search(rf">{cell}</(td|a|span)>", page.source), cell
+
+
+def test_the_list_has_the_human_score_beside_the_runs_own(tmp_path):
+    search_in(tmp_path / "run", [reply(7), reply(8)], seeds=2)
+    ended = RunView.read(tmp_path / "run").outcome
+    assert ended is not None
+    cells = re.findall(r'<td data-value="([^"]*)">', visitor(tmp_path).get("/").text)
+    assert [float(cell) for cell in cells[:2]] == [mean(ended.method.held_out), mean(ended.human.held_out)]
+
+
+def test_a_finished_run_says_what_f_is_what_to_type_and_shows_its_reward(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    page = shown(visitor(tmp_path), "/runs/run/")
+    assert "higher is better." in page.flat and f"eureka play {directory}" in page.flat
+    assert page.flat.index("Best reward") < page.flat.index("def compute_reward") < page.flat.index("Candidates")
+    (directory / "best" / "policy.safetensors").unlink()  # as in a row of a table that was repeated
+    assert "eureka play" not in shown(visitor(tmp_path), "/runs/run/").flat
+
+
+def test_a_comparison_begins_with_what_was_found(tmp_path):
+    for name in ("one", "two"):
+        search_in(tmp_path / name, [reply(7), reply(8)])
+    page = shown(visitor(tmp_path), "/compare?run=one&run=two").source
+    assert page.index('id="compared"') < page.index('class="chart"') < page.index("Settings that differ")
+    assert page.count('<td class="why"><span>') == 2, "the style sheet cuts what is in the cell"
 
 
 def test_a_name_that_is_no_text_is_listed_as_far_as_it_is_one(tmp_path):
@@ -258,7 +285,7 @@ def test_runs_of_other_steps_are_on_other_boards(tmp_path):
     for name, steps in (("one", 2000), ("two", 2000), ("three", 1000)):
         search_in(tmp_path / name, [reply(7), reply(8)], steps=steps)
     boards = visitor(tmp_path).get("/").text.split("Leaderboards")[1].split('class="panel board"')[1:]
-    assert [("1,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 1), (False, 2)]
+    assert [("2,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 2)], "one has no rival"
 
 
 def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
@@ -269,7 +296,8 @@ def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
     for path in ("/", "/compare?run=train"):
         cells = re.findall(r"<td[^>]*>([^<]*)</td>", visitor(tmp_path).get(path).text)
         # The human reward is worth 10 and a hundredth of the seed, one less when played: 9 and 9.01.
-        assert {"9.005", "9.01"} <= set(cells), path
+        assert "9.005" in cells, path
+        assert ("9.01" in cells) == path.startswith("/compare"), "the best F has no place beside final scores"
 
 
 def test_runs_are_compared_whatever_they_are_called_and_those_too_many_are_counted(tmp_path, monkeypatch):

@@ -116,9 +116,10 @@ CanvasRenderingContext2D.prototype.fillText = function (...told) { said.push(tol
 
 
 def test_candidates_are_counted_in_whole_numbers(page: Page, tmp_path: Path):
-    search_in(tmp_path / "run", [reply(7), reply(8)])
+    for name in ("one", "two"):
+        search_in(tmp_path / name, [reply(7), reply(8)])
     page.add_init_script(SAID)
-    page.goto("/compare?run=run")
+    page.goto("/compare?run=one&run=two")
     assert comes_true(page, "said.includes('2')")
     assert not page.evaluate("said.includes('1.5')")
 

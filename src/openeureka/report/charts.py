@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -145,10 +146,11 @@ def under_way(
 
 
 def best_by_candidate(runs: Mapping[str, RunView]) -> list[Chart]:
-    """The best score so far of several searches, by the candidates that each had drawn: a chart for each task, as every
-    F has a scale of its own."""
+    """The best score so far of several searches, by the candidates that each had drawn: a chart for each task of two or
+    more, as every F has a scale of its own."""
     charts = []
-    for env in dict.fromkeys(run.config.env for run in runs.values()):
+    tasks = Counter(run.config.env for run in runs.values())
+    for env in (env for env, count in tasks.items() if count > 1):
         curves = {name: _best_so_far(run) for name, run in runs.items() if run.config.env == env}
         most = max(map(len, curves.values()), default=0)
         lines = _lines({name: (*curve, *[None] * (most - len(curve))) for name, curve in curves.items()}, kind="steps")

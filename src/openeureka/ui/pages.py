@@ -10,11 +10,13 @@ from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display.now import Curves, read
+from ..method import baselines
 from ..numbers import duration
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.view import RunView
 from ..score import rank
+from ..stats import mean
 from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import Glance, lane_id, of_components
@@ -41,7 +43,8 @@ def start_form() -> dict[str, object]:
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
-    """A line for each run, and for each task and steps of a training those that are judged, the best first."""
+    """A line for each run, and for each task and steps of a training those that are judged, the best first, where there
+    are two or more."""
     piece = _pieces(run=None)
     boards: dict[tuple[str, int], list[Entry]] = {}
     for entry in entries:
@@ -49,7 +52,17 @@ def listing(entries: Sequence[Entry]) -> Parts:
             boards.setdefault((entry.config.env, entry.config.steps), []).append(entry)
     for board in boards.values():
         board.sort(key=lambda entry: -rank(entry.glance.held_out if entry.glance else None))
-    return {"runs": piece.runs(entries), "boards": piece.boards(dict(sorted(boards.items())))}
+    found = {key: board for key, board in sorted(boards.items()) if len(board) > 1}
+    return {"runs": piece.runs(entries), "boards": piece.boards(found)}
+
+
+def _human(entry: Entry) -> float | None:
+    """Held-out F of the human reward: of the run's own trainings, or as it was measured beforehand."""
+    config, glance = entry.config, entry.glance
+    if config is None or glance is None:
+        return None
+    known = baselines.measured(config) if config.baselines == "known" else None
+    return mean(known.human.held_out) if known is not None else glance.human
 
 
 def overview(directory: Path, run: RunView) -> Parts:
@@ -190,7 +203,7 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
 def _pieces(run: RunView | None) -> Any:
     """The macros of the page, which see the run."""
     values = {"run": run, "best": run.best if run is not None else None}
-    helpers = {"called": _called, "parts_of": of_components}
+    helpers = {"called": _called, "parts_of": of_components, "human_of": _human}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
