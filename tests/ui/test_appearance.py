@@ -50,6 +50,18 @@ def test_no_page_is_wider_than_its_window(page: Page, searched: Path, width: int
         assert page.evaluate("document.documentElement.scrollWidth") <= width, address
 
 
+def test_every_field_of_a_new_run_stands_below_its_name(page: Page, tmp_path: Path):
+    for width in (390, 1280):
+        page.set_viewport_size({"width": width, "height": 900})
+        page.goto("/")
+        page.get_by_text("Start a run").click()
+        lefts = page.locator(".fields label").evaluate_all(
+            "labels => labels.map((label) => [label, label.querySelector('input, select')].map((element) =>"
+            " element.getBoundingClientRect().left))"
+        )
+        assert len(lefts) == 9 and all(name == field for name, field in lefts), (width, lefts)
+
+
 @pytest.mark.parametrize("width", [320, 375])
 def test_a_phone_shows_where_one_is_and_the_look_in_one_line(page: Page, searched: Path, width: int):
     page.set_viewport_size({"width": width, "height": 900})
