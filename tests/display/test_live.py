@@ -194,7 +194,7 @@ def test_final_trainings_are_called_by_the_slot_of_their_reward_and_its_seed():
         assert isinstance(shown, TerminalView)
         shown(Generation(0, (Scored(sample=winner, result=RESULT, feedback=""),)))  # as a resumed run tells it
         shown(Checked(twin))
-        shown(Began(2, "final"))
+        shown(Began("final"))
         for lane in (f"{PROGRAM.id}-s1", "human-s2", f"{PROGRAM.id}-s0-uniform"):
             shown(replace(RESULT, lane=lane))
         frame = Console(file=io.StringIO(), width=160)
