@@ -86,6 +86,15 @@ def test_an_episode_that_ends_hands_over_its_last_observation_and_the_first_of_t
     assert gained == [0, 0, 60] * 2 + [0]  # the sum of the rewards, where an episode ends
 
 
+def test_seeds_have_31_bits_and_every_remainder():
+    simulation = registry.make("gym:Openeureka/Clock-v0", worlds=512)
+    simulation.reset()
+    seeds = simulation.sim.seeds
+    assert len(set(seeds.tolist())) == 512 and int(seeds.min()) >= 0 and 2**30 < int(seeds.max()) < 2**31
+    counts = torch.bincount(seeds % 4, minlength=4)  # 128 of each, with a standard deviation of 10
+    assert int(counts.min()) > 80 and int(counts.max()) < 176
+
+
 def test_a_truncation_of_the_environment_is_a_time_out():
     simulation = registry.make("gym:Openeureka/Cut-v0", worlds=2)
     simulation.reset()

@@ -159,7 +159,9 @@ class GymTask(PaidTask):
         return super().timed_out(s) | self.gym.truncated
 
     def reset(self, worlds: Tensor) -> None:
-        self.gym.seeds[worlds] = (self.noise.uniform(worlds, 1, 0, 2.0**24)[:, 0] * 2.0**7).long()
+        # Two numbers, as one has 24 bits, and some environments take their level from the last bits of the seed.
+        high, low = self.noise.uniform(worlds, 2, 0.0, 2.0**16).long().unbind(1)
+        self.gym.seeds[worlds] = (high << 15) | (low >> 1)  # 31 bits: NumPy's old generators take no more than 32
         self.returned[worlds] = 0.0
 
 
