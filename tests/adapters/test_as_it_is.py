@@ -367,6 +367,16 @@ def test_what_is_set_reaches_the_constructor_the_limit_and_the_intent():
     assert simulation.task.time_limit() == 7 and simulation.task.description == "to wait"
 
 
+def test_what_a_constructor_names_reaches_it_though_a_task_has_an_attribute_of_that_name():
+    env = "gym:Openeureka/Set-v0+episode_length=3+model=4+name=5+memory=6+clip_observations=9.0+description=to wait"
+    simulation = registry.make(env, worlds=1)
+    simulation.reset()
+    steps = [simulation.step(actions(0, 0, 1)) for _ in range(3)]
+    assert [bool(step.timed_out[0]) for step in steps] == [False, False, True]
+    assert [float(steps[0].state[f"given_{name}"]) for name in ("model", "name", "memory")] == [4.0, 5.0, 6.0]
+    assert simulation.task.clip_observations == 9.0 and simulation.task.description == "to wait"
+
+
 def test_a_device_that_gymnasium_knows_nothing_of_is_refused():
     with pytest.raises(TaskError, match="on the CPU alone"):
         registry.get("gym:CartPole-v1").simulate(1, "cuda", 1)

@@ -155,6 +155,18 @@ class Solver(Clock):
         return seen, paid, terminated, truncated, info
 
 
+class Set(Clock):
+    """Says in `info` what its constructor was given, under names that mean something to a task too."""
+
+    def __init__(self, episode_length: int = 20, model: int = 0, name: int = 0, memory: int = 0, **given: Any) -> None:
+        super().__init__(cut=episode_length)
+        self.told = {"given_model": model, "given_name": name, "given_memory": memory}
+
+    def step(self, action):
+        *moment, _ = super().step(action)
+        return *moment, self.told
+
+
 class Heavy(CartPoleEnv):
     def __init__(self, mass: float = 1.0, **given: Any) -> None:
         super().__init__(**given)
@@ -180,4 +192,5 @@ for name, settings in {
     "Faulty-v0": {"fault": 2},
 }.items():
     gymnasium.register(f"Openeureka/{name}", entry_point=Clock, kwargs=settings, max_episode_steps=20)
+gymnasium.register("Openeureka/Set-v0", entry_point=Set)
 gymnasium.register("Openeureka/Solver-v0", entry_point=Solver, kwargs={"end": 12}, max_episode_steps=20)

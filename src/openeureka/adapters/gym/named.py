@@ -8,7 +8,7 @@ import inspect
 import json
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,21 +29,26 @@ from .task import GymTask, PaidTask, attributes
 
 AS_IT_IS = "gym-asis"
 """The prefix under which an environment steps itself although it could be lifted."""
-_OWN = ("fitness",)
+OURS = ("fitness", "description")
+"""Settings that no environment's constructor is given."""
 _BARE = (TimeLimit, OrderEnforcing, PassiveEnvChecker)
 """Wrappers of `gymnasium.make`, which change neither what is paid nor what is seen."""
 
 
 def imports(name: str, settings: Mapping[str, str]) -> bool:
     """Whether making it imports a module, or reads a file, of the name's own choice."""
-    return ":" in name or bool(dealt(settings)[0])
+    return ":" in name or not set(settings) <= {*OURS, "episode_length"}
 
 
-def dealt(settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Those for the environment's constructor, as values, and class attributes of the task."""
-    others = {key: text for key, text in settings.items() if key not in _OWN}
-    own = {key: text for key, text in others.items() if hasattr(Task, key) or key in Task.__annotations__}
-    return {key: literal(text) for key, text in others.items() if key not in own}, own
+def dealt(settings: Mapping[str, str], named: Collection[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
+    """Those for the environment's constructor, as values, and class attributes of the task.
+
+    Args:
+        named: what the constructor names among its parameters, which then is no attribute.
+    """
+    attributes = {key for key in settings if hasattr(Task, key) or key in Task.__annotations__}.difference(named)
+    own = {key: text for key, text in settings.items() if key in attributes.union(OURS) and key != "fitness"}
+    return {key: literal(text) for key, text in settings.items() if key not in (*own, "fitness")}, own
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
@@ -58,6 +63,8 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
         TaskError: when there is no such id, or the environment cannot be made or acted in.
     """
     keywords, left = dealt(settings)
+    if not left.keys() <= {*OURS}:
+        keywords, left = dealt(settings, _parameters(name))
     steps = left.pop("episode_length", "")
     if steps:
         if not steps.isdecimal() or int(steps) < 1:
@@ -114,7 +121,7 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     }
 
 
-def _make(name: str, **keywords: Any) -> Env[Any, Any]:
+def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
     """One instance, which can draw itself if it knows how. Raises TaskError, which says what to type instead."""
     package, _, bare = name.rpartition(":")
     if package.endswith(".py"):
@@ -151,6 +158,19 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
         except (Exception, SystemExit) as fault:
             said = _untaken(bare, keywords, fault) or told(fault)
             raise TaskError(f"The environment `{name}` cannot be made: {said}") from fault
+
+
+def _parameters(name: str) -> Collection[str]:
+    """What the constructor names among its parameters; nothing where it cannot be had, and `_make` says why."""
+    package, _, bare = name.rpartition(":")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            if package:
+                importlib.import_module(package)
+            return inspect.signature(_maker(gymnasium.spec(bare))).parameters
+        except (Exception, SystemExit):
+            return ()
 
 
 def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> str:
