@@ -164,6 +164,16 @@ class Rated:
         return change, -np.abs(change[:, 0]), flags, flags, {}
 
 
+class Alone(Carts):
+    """Makes one cart, whatever it is asked for."""
+
+    def __init__(self, worlds):
+        super().__init__(1)
+
+    def reset(self, *, seed, options):
+        return self.seen(), self.told()
+
+
 def resets_itself(worlds):
     carts = Carts(worlds)
     carts.metadata = {"autoreset_mode": "AutoresetMode.NEXT_STEP"}

@@ -58,6 +58,15 @@ def test_what_is_set_reaches_what_makes_it_and_a_formula_names_its_state():
     )
 
 
+def test_what_its_maker_names_reaches_it_though_a_task_has_an_attribute_of_that_name():
+    env = f"python:{HERE / 'vectors.py'}:several+model=1.5+episode_length=7"
+    simulation = registry.make(env, worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.tensor([[0.0, 1.0]] * 2)).state
+    assert state["value_1_far"].tolist() == [[1.5, 1.5]] * 2
+    assert simulation.task.episode_length == 7  # which the maker does not name
+
+
 def test_what_python_calls_nothing_reaches_what_makes_it_as_none():
     assert registry.get(f"{CARTS}+fault=None").opened.keywords["settings"] == {"fault": None}
 
@@ -80,6 +89,29 @@ def test_bits_and_choices_that_begin_at_one_cross_over_as_gymnasium_has_them():
     simulation.reset()
     state = simulation.step(torch.tensor([[0.0, 1.0, 0.0, 0.0, 1.0]] * 2)).state
     assert state["obs_buf"].tolist() == [[2.0, 7.0]] * 2  # 1 + 1 of {1, 2}, and 5 + 2 of {5, 6, 7}
+
+
+def test_observed_options_are_ones_among_zeros_as_in_this_python():
+    simulation = registry.make(f"python:{HERE / 'vectors.py'}:cells", worlds=2)
+    assert simulation.task.spec["observation_4"].meaning == "1 where it observes 7 as number 2, else 0"
+    assert simulation.reset().tolist() == [[0.0, 1.0, 0.0, 1.0, 0.0]] * 2  # 1 of {0, 1} and 6 of {5, 6, 7}
+    assert simulation.step(torch.tensor([[1.0, 0.0]] * 2)).observation.tolist() == [[1.0, 0.0, 0.0, 0.0, 1.0]] * 2
+
+
+def test_a_tuple_of_observations_has_a_variable_for_each():
+    simulation = registry.make(f"python:{HERE / 'vectors.py'}:several", worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.tensor([[0.0, 1.0]] * 2)).state
+    assert state["value_0"].tolist() == [[0.0, 1.0, 0.0]] * 2 and state["value_1_far"].tolist() == [[3.5, 3.5]] * 2
+
+
+def test_a_file_imports_the_file_beside_it(tmp_path: Path):
+    text = (HERE / "carts.py").read_text().replace("import numpy as np", "import numpy as np\nfrom link import PULL")
+    (tmp_path / "carts.py").write_text(text.replace("pull=1.0", "pull=PULL"))
+    (tmp_path / "link.py").write_text("PULL = 0.5")  # under a name that a file beside the server has too
+    simulation = registry.make(f"python:{tmp_path / 'carts.py'}:Carts", worlds=1)
+    simulation.reset()
+    assert float(simulation.step(torch.ones(1, 1)).state["speed"]) == pytest.approx(0.3)
 
 
 def test_an_action_that_an_environment_holds_on_to_stays_what_it_was():
@@ -206,6 +238,11 @@ def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
         (f"python:{HERE / 'carts.py'}:Cart", "carts.py has no `Cart`, perhaps `Carts`"),
         (f"python:{HERE / 'nowhere.py'}:Cart", "there is no file "),
         (f"python:{HERE / 'carts.py'}:resets_itself", "autoreset_mode=AutoresetMode.DISABLED"),
+        (f"python:{HERE / 'vectors.py'}:single", "it is one environment; say env=gym:ID, or give a vector"),
+        (
+            f"python:{HERE / 'carts.py'}:Alone",
+            "its observation has the shape (1, 3); a row for each of 2 worlds",
+        ),
         ("python:no_such_package:make", "No module named 'no_such_package'"),
         ("python:carts", "name what makes the environment: pkg.mod:factory"),
         ("mjlab:Mjlab-Cartpole", "lacks it: python= names the interpreter that has it"),

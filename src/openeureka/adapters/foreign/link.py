@@ -8,6 +8,7 @@ import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -44,12 +45,15 @@ class Description:
     actions: Acting
     steps: int
     dt: float
-    observation: tuple[tuple[str, tuple[int, ...]], ...]
-    """Name and shape of each array; a single one may have no name."""
+    observation: tuple[tuple[str, tuple[int, ...], tuple[int, ...], tuple[int, ...]], ...]
+    """Name and shape of each array, and of one whose whole numbers are options how many each has, and the first. A
+    single array may have no name."""
     state: tuple[tuple[str, tuple[int, ...], str], ...]
     """Name, shape and meaning of what else it tells in each step."""
     seeded: bool
     """Whether an episode follows from its seed and its actions, whatever other worlds do."""
+    taken: tuple[str, ...]
+    """Of the settings that were offered, those that what makes it names among its parameters."""
     layout: Mapping[str, tuple[int, str, tuple[int, ...]]]
     """Where each array lies in the mapped memory, its type and its shape."""
 
@@ -62,6 +66,7 @@ class Link:
         kind, name: how the server makes it, and what.
         python: the interpreter.
         settings: for what makes it.
+        offered: also for it, where it names them among its parameters.
         threads: that libraries there may use; 0 for as many as they like.
 
     Raises:
@@ -70,7 +75,16 @@ class Link:
     """
 
     def __init__(
-        self, env: str, kind: str, name: str, *, python: str, settings: Mapping[str, Any], worlds: int, threads: int = 0
+        self,
+        env: str,
+        kind: str,
+        name: str,
+        *,
+        python: str,
+        settings: Mapping[str, Any],
+        worlds: int,
+        offered: Mapping[str, Any] = MappingProxyType({}),
+        threads: int = 0,
     ) -> None:
         self._env, self._python = env, python
         descriptor = os.memfd_create("openeureka")
@@ -78,7 +92,8 @@ class Link:
             self._worker = self._started(descriptor, threads)
             weakref.finalize(self, self._worker.close)
             self._greeted()
-            asked = {"do": "describe", "kind": kind, "name": name, "worlds": worlds, "settings": dict(settings)}
+            asked = {"do": "describe", "kind": kind, "name": name, "worlds": worlds}
+            asked |= {"settings": dict(settings), "offered": dict(offered)}
             self.about = self._description(self._asked(asked, BEGINNING))
             self._memory = mmap.mmap(descriptor, os.fstat(descriptor).st_size)
         finally:
@@ -112,7 +127,7 @@ class Link:
         self._worker.close()
 
     def _seen(self) -> Any:
-        parts = {name: self._arrays[f"part {i}"] for i, (name, _) in enumerate(self.about.observation)}
+        parts = {name: self._arrays[f"part {i}"] for i, (name, *_) in enumerate(self.about.observation)}
         return parts[""] if list(parts) == [""] else parts
 
     def _state(self) -> dict[str, np.ndarray]:

@@ -15,10 +15,11 @@ from gymnasium import spaces
 from torch import Tensor
 
 from ...errors import TaskError
+from ...parsing import literal
 from ...types import RewardGraph, StateUse, StateVar
 from ...worker import interpreter
 from ..gym import documents
-from ..gym.named import dealt
+from ..gym.named import OURS, dealt
 from ..gym.spaces import Actions, Part, actions
 from ..gym.survey import Survey
 from ..gym.task import GymTask, attributes
@@ -47,29 +48,31 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask
         TaskError: when that Python does not run, or the environment cannot be made.
         WorkerError: when it dies, or takes too long.
     """
-    given, left = dealt({key: value for key, value in settings.items() if key != "python"})
-    python = settings.get("python", interpreter()[0])
-    return _task(env, env.partition(":")[0], name, python, json.dumps(given), settings.get("fitness", "")), left
+    given, own = dealt({key: value for key, value in settings.items() if key != "python"})
+    offered = {key: literal(text) for key, text in own.items() if key not in OURS}
+    python, fitness = settings.get("python", interpreter()[0]), settings.get("fitness", "")
+    found = _task(env, env.partition(":")[0], name, python, json.dumps(given), json.dumps(offered), fitness)
+    taken = found.opened.keywords["settings"]
+    return found, {key: text for key, text in own.items() if key not in taken}
 
 
 @functools.cache
-def _task(env: str, kind: str, name: str, python: str, given: str, fitness: str) -> type[GymTask]:
-    shown = f"{kind}:{name}"
-    opened = functools.partial(Link, shown, kind, name, python=python, settings=json.loads(given))
-    link = opened(worlds=_TRIED)
+def _task(env: str, kind: str, name: str, python: str, given: str, own: str, fitness: str) -> type[ForeignTask]:
+    shown, offered = f"{kind}:{name}", json.loads(own)
+    settings = json.loads(given)
+    link = Link(shown, kind, name, python=python, settings=settings, offered=offered, worlds=_TRIED)
     link.close()
+    settings |= {key: offered[key] for key in link.about.taken}
+    opened = functools.partial(Link, shown, kind, name, python=python, settings=settings)
     found = surveyed(shown, link.about)
     said = {"__module__": __name__, **attributes(env, found, fitness)}
     said |= {"suite": kind, "opened": staticmethod(opened)}
-    return cast(type[GymTask], type("ForeignTask", (ForeignTask,), said))
+    return cast(type[ForeignTask], type("ForeignTask", (ForeignTask,), said))
 
 
 def surveyed(env: str, about: Description) -> Survey:
     """The description as a task needs it. Suites that name their state have no columns of an observation."""
-    parts = tuple(
-        Part((name,) if name else (), spaces.Box(-math.inf, math.inf, shape or (1,)), shape or (1,))
-        for name, shape in about.observation
-    )
+    parts = tuple(_part(*told) for told in about.observation)
     named = tuple(
         StateVar(name=name, shape=shape, meaning=meaning or f"{name.replace('_', ' ')}, as the environment has it",
                  use=_use(name, shape, meaning))
@@ -86,6 +89,14 @@ def surveyed(env: str, about: Description) -> Survey:
         document=about.document,
         named=named if any(meaning for _, _, meaning in about.state) else (),
     )
+
+
+def _part(name: str, shape: tuple[int, ...], counts: tuple[int, ...], starts: tuple[int, ...]) -> Part:
+    path = (name,) if name else ()
+    if counts:
+        space = spaces.MultiDiscrete(np.array(counts), start=np.array(starts))
+        return Part(path, spaces.Discrete(counts[0], start=starts[0]) if not shape else space, (sum(counts),))
+    return Part(path, spaces.Box(-math.inf, math.inf, shape or (1,)), shape or (1,))
 
 
 def _use(name: str, shape: tuple[int, ...], meaning: str) -> StateUse:

@@ -12,10 +12,7 @@ read for them alone.
 from __future__ import annotations
 
 import ctypes
-import difflib
-import importlib
 import importlib.util
-import inspect
 import json
 import mmap
 import os
@@ -31,8 +28,13 @@ import numpy as np
 VERSION = 1
 """Of what is said in the frames; the other side refuses any other."""
 _PREFIX = struct.Struct("<IQ")
-_LONGEST = 1000
-_SUITES = {"mjlab": "scene.py", "isaaclab": "scene.py", "dmc": "dmc.py", "maniskill": "maniskill.py"}
+_SUITES = {
+    "python": "vector.py",
+    "mjlab": "scene.py",
+    "isaaclab": "scene.py",
+    "dmc": "dmc.py",
+    "maniskill": "maniskill.py",
+}
 """File of a function of each name, which makes an environment."""
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
@@ -65,137 +67,6 @@ def numbers(value: Any) -> np.ndarray:
     return np.asarray(value)
 
 
-# --- anything that steps N worlds ------------------------------------------------------------------------------------
-
-
-class Vector:
-    """Whatever a factory gives that has the methods of Gymnasium's vector environments, and resets when it is told to.
-
-    `step(actions)` gives observation, reward, terminated, truncated and info; `reset(seed=, options=)` with
-    `options["reset_mask"]` gives observation and info. Observations are an array (N, ...) or a dict of them. Numbers of
-    `info`, and of what `state()` gives where there is one, are state variables.
-    """
-
-    seeded = True
-
-    def __init__(self, name: str, worlds: int, settings: dict[str, Any]) -> None:
-        self.env = made(name)(worlds, **settings)
-        self.worlds = worlds
-        mode = getattr(self.env, "metadata", {}).get("autoreset_mode") if hasattr(self.env, "metadata") else None
-        if mode is not None and "disabled" not in str(mode).lower():
-            raise ValueError("it resets itself; make it with autoreset_mode=AutoresetMode.DISABLED")
-
-    def about(self) -> dict[str, Any]:
-        env, inner = self.env, _inner(self.env)
-        told = getattr(env, "document", None)
-        document = told if told is not None else inspect.getdoc(type(inner)) or ""
-        space = getattr(env, "single_action_space", None) or getattr(env, "action_space", None)
-        actions = _actions(space, env)
-        self.shape, kind = tuple(actions.pop("shape")), getattr(space, "dtype", None)
-        self.kind = kind if isinstance(kind, np.dtype) else None
-        spec = getattr(env, "spec", None) or getattr(inner, "spec", None)
-        steps = (getattr(spec, "max_episode_steps", None), *(getattr(env, name, None) for name in _STEPS))
-        rate = (getattr(env, "metadata", None) or {}).get("render_fps")
-        times = [
-            getattr(owner, name, None) for owner in (env, inner) for name in ("step_dt", "control_dt", "dt", "tau")
-        ]
-        return {
-            "document": document,
-            "actions": actions,
-            "steps": next((int(n) for n in steps if n), _LONGEST),
-            "dt": next((float(t) for t in [*times, 1.0 / rate if rate else None] if t), 1.0),
-            "meanings": dict(getattr(env, "meanings", {})),
-        }
-
-    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> tuple[Any, ...]:
-        observation, info = self.env.reset(seed=seeds.tolist(), options={"reset_mask": mask.copy()})
-        return self._parts(observation), self._state(info)
-
-    def step(self, actions: np.ndarray) -> tuple[Any, ...]:
-        actions = actions.reshape((self.worlds, *self.shape))
-        if self.kind is not None:
-            actions = (np.rint(actions) if self.kind.kind in "iu" else actions).astype(self.kind)
-        if "torch" in sys.modules and getattr(self.env, "device", None) is not None:
-            actions = sys.modules["torch"].as_tensor(actions, device=self.env.device)
-        observation, reward, terminated, truncated, info = self.env.step(actions)
-        return self._parts(observation), reward, terminated, truncated, self._state(info)
-
-    def picture(self) -> Any:
-        drawn: Any = self.env.render() if getattr(self.env, "render_mode", None) == "rgb_array" else None
-        return drawn[0] if isinstance(drawn, (tuple, list)) and drawn else drawn
-
-    def _parts(self, observation: Any, path: tuple[str, ...] = ()) -> dict[str, Any]:
-        if not isinstance(observation, dict):
-            return {" ".join(path): observation}
-        found = {}
-        for key, value in observation.items():
-            found.update(self._parts(value, (*path, str(key))))
-        return found
-
-    def _state(self, info: Any) -> dict[str, Any]:
-        told = dict(info) if isinstance(info, dict) else {}
-        told.update(self.env.state() if callable(getattr(self.env, "state", None)) else {})
-        return {
-            name: value
-            for name, value in told.items()
-            if isinstance(name, str) and name.isidentifier() and name[0] != "_" and _is_state(value, self.worlds)
-        }
-
-
-_STEPS = ("max_episode_length", "max_episode_steps", "episode_length")
-
-
-def _is_state(value: Any, worlds: int) -> bool:
-    if isinstance(value, (str, bytes, dict, list, tuple, type(None))) or callable(value):
-        return False
-    array = numbers(value)
-    return array.dtype.kind in "biuf" and array.ndim >= 1 and len(array) == worlds
-
-
-def _inner(env: Any) -> Any:
-    envs = getattr(env, "envs", None)
-    return getattr(envs[0], "unwrapped", envs[0]) if envs else getattr(env, "unwrapped", env)
-
-
-def _actions(space: Any, env: Any) -> dict[str, Any]:
-    """What a policy may do, from a space of Gymnasium's or `num_actions`."""
-    if hasattr(space, "nvec"):
-        starts = np.broadcast_to(getattr(space, "start", 0), space.nvec.shape)
-        choices = {"choices": space.nvec.reshape(-1).tolist(), "starts": starts.reshape(-1).tolist()}
-        return {**choices, "shape": list(space.nvec.shape)}
-    if hasattr(space, "n") and not hasattr(space, "low"):
-        if space.shape:  # bits, of which Gymnasium's MultiBinary says how many there are
-            count = int(np.prod(space.shape))
-            return {"choices": [2] * count, "starts": [0] * count, "shape": list(space.shape)}
-        return {"choices": [int(space.n)], "starts": [int(getattr(space, "start", 0))], "shape": []}
-    if hasattr(space, "low"):
-        low, high = (np.asarray(side, np.float64).reshape(-1) for side in (space.low, space.high))
-        return {"low": low, "high": high, "shape": list(space.shape)}
-    count = int(getattr(env, "num_actions", 0))
-    if not count:
-        raise ValueError("it says neither `single_action_space` nor `num_actions`")
-    return {"low": [-1.0] * count, "high": [1.0] * count, "shape": [count]}
-
-
-def _bounds(side: Any) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in side]
-
-
-def made(name: str) -> Any:
-    """What `pkg.mod:factory` or `FILE.py:factory` names."""
-    place, _, attribute = name.rpartition(":")
-    if not place:
-        raise ValueError("name what makes the environment: pkg.mod:factory, or FILE.py:factory")
-    file = os.path.expanduser(place)
-    if place.endswith(".py") and not os.path.isfile(file):
-        raise ValueError(f"there is no file {place}")
-    module = _module(file) if place.endswith(".py") else importlib.import_module(place)
-    if not hasattr(module, attribute):
-        close = difflib.get_close_matches(attribute, dir(module), n=1)
-        raise ValueError(f"{place} has no `{attribute}`{f', perhaps `{close[0]}`' if close else ''}")
-    return getattr(module, attribute)
-
-
 def _module(file: str) -> Any:
     spec: Any = importlib.util.spec_from_file_location("openeureka_" + os.path.basename(file)[:-3], file)
     module = importlib.util.module_from_spec(spec)
@@ -204,7 +75,24 @@ def _module(file: str) -> Any:
     return module
 
 
-# --- the process -----------------------------------------------------------------------------------------------------
+def _numeric(state: dict[Any, Any], worlds: int) -> dict[str, Any]:
+    """What is numbers for each world, under a name that a reward can use."""
+    return {
+        name: value
+        for name, value in state.items()
+        if isinstance(name, str) and name.isidentifier() and name[0] != "_" and _is_numeric(value, worlds)
+    }
+
+
+def _is_numeric(value: Any, worlds: int) -> bool:
+    if isinstance(value, (str, bytes, dict, list, tuple, type(None))) or callable(value):
+        return False
+    array = numbers(value)
+    return array.dtype.kind in "biuf" and array.ndim >= 1 and len(array) == worlds
+
+
+def _bounds(side: Any) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in side]
 
 
 class Memory:
@@ -238,6 +126,7 @@ class Memory:
             place[...] = numbers(value).reshape(place.shape)
         for name, value in (("reward", reward), ("terminated", terminated), ("truncated", truncated)):
             self._put(name, numbers(value), each=each)
+        state = _numeric(state, len(self.arrays["reward"]))
         for name in (name for name in self.arrays if name.startswith("state ")):
             value = state.get(name[6:])
             if value is None:
@@ -260,12 +149,22 @@ class Server:
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
 
-    def describe(self, kind: str, name: str, worlds: int, settings: dict[str, Any]) -> dict[str, Any]:
-        make = Vector if kind == "python" else getattr(_module(os.path.join(_HERE, _SUITES[kind])), kind)
-        self.env: Any = make(name, worlds, settings)
+    def describe(
+        self, kind: str, name: str, worlds: int, settings: dict[str, Any], offered: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Makes the environment with the settings, and with those of the offered ones that its maker names."""
+        suite = _module(os.path.join(_HERE, _SUITES[kind]))
+        taken = [key for key in offered if hasattr(suite, "takes") and suite.takes(name, key)]
+        settings = {**settings, **{key: offered[key] for key in taken}}
+        self.env: Any = getattr(suite, kind)(name, worlds, settings)
         about = self.env.about()
         everywhere, seeds = np.ones(worlds, bool), np.arange(worlds)
         parts, state = self.env.reset(everywhere, seeds)
+        for path, shape in ((path, numbers(part).shape) for path, part in parts.items()):
+            if shape[:1] != (worlds,):
+                called = f"`{path}` of its observation" if path else "its observation"
+                raise ValueError(f"{called} has the shape {shape}; a row for each of {worlds} worlds is wanted")
+        state = _numeric(state, worlds)
         acting = about["actions"]
         choices = acting.get("choices")
         if choices:
@@ -274,6 +173,7 @@ class Server:
             idle = np.zeros((worlds, len(acting["low"]))).clip(acting["low"], acting["high"]).astype(np.float32)
             acting.update({side: _bounds(acting[side]) for side in ("low", "high")})
         *_, later = self.env.step(idle)
+        later = _numeric(later, worlds)
         shapes = {name: numbers(value).shape[1:] for name, value in {**later, **state}.items()}
         changing = {name for name in later if name in state and numbers(later[name]).shape[1:] != shapes[name]}
         shapes = {name: shape for name, shape in shapes.items() if name not in changing}
@@ -283,14 +183,16 @@ class Server:
         wide.update({f"part {i}": ("<f4", numbers(part).shape) for i, part in enumerate(parts.values())})
         wide.update({f"state {name}": ("<f4", (worlds, *shape)) for name, shape in shapes.items()})
         self._memory = Memory(self._descriptor, wide)
-        observed = [[name, list(numbers(part).shape[1:])] for name, part in parts.items()]
+        counted = about.get("counted", {})
+        observed = [[n, list(numbers(part).shape[1:]), *counted.get(n, ([], []))] for n, part in parts.items()]
         listed = [[name, list(shape), about["meanings"].get(name, "")] for name, shape in shapes.items()]
-        told = {key: value for key, value in about.items() if key != "meanings"}
+        told = {key: value for key, value in about.items() if key not in ("meanings", "counted")}
         return {
             **told,
             "observation": observed,
             "state": listed,
             "seeded": self.env.seeded,
+            "taken": taken,
             "layout": self._memory.layout,
         }
 

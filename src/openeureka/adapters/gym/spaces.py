@@ -75,7 +75,7 @@ def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
         if not ((values[:, i] >= 0) & (values[:, i] < count)).all():
             raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the first of its space")
     ones = np.zeros((len(values), sum(counts)), np.float32)
-    np.put_along_axis(ones, values + np.cumsum([0, *counts[:-1]]), 1.0, axis=1)
+    np.put_along_axis(ones, values.astype(np.int64) + np.cumsum([0, *counts[:-1]]), 1.0, axis=1)
     return ones
 
 
