@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import json
 import os
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
@@ -93,11 +95,13 @@ _SPELLED = {"True": True, "False": False, "None": None}
 
 
 def literal(text: str) -> Any:
-    """A value in JSON or, but for what holds others, as Python writes it; any other text is itself."""
-    try:
+    """A value in JSON or as Python writes it, a tuple as a list; any other text is itself."""
+    with suppress(ValueError, RecursionError):
         return _SPELLED[text] if text in _SPELLED else json.loads(text)
-    except ValueError:
-        return text
+    if text[:1] in ("(", "[", "{"):  # a name may be set to 1_000, which Python takes for a number
+        with suppress(ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
+            return json.loads(json.dumps(ast.literal_eval(text)))
+    return text
 
 
 _WANTED = {"int": "a whole number, such as 8 or 1e6", "float": "a number", "bool": "true or false"}

@@ -157,6 +157,11 @@ def test_a_switch_of_the_constructor_may_be_spelled_as_json_or_python_has_it(spe
     assert not any(ends)
 
 
+@pytest.mark.parametrize("spelled", ["(0.8, 2)", "[0.8, 2]"])
+def test_a_range_of_the_constructor_may_be_spelled_as_python_or_json_has_it(spelled: str):
+    assert registry.get(f"gym:Hopper-v5+healthy_z_range={spelled}").constants["healthy_z_range"] == [0.8, 2]
+
+
 @pytest.mark.parametrize("body, lifted", [("4", False), ("front_left_leg", False), ("1", True), ("torso", True)])
 def test_an_ant_is_lifted_only_where_its_speed_is_that_of_its_torso(body: str, lifted: bool):
     assert registry.get(f"gym:Ant-v5+main_body={body}").draws_itself is not lifted

@@ -4,7 +4,7 @@ import pytest
 
 from openeureka.config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from openeureka.errors import ConfigError
-from openeureka.parsing import changed, parse, restored, taken
+from openeureka.parsing import changed, literal, parse, restored, taken
 
 
 def test_words_become_typed_fields():
@@ -22,6 +22,20 @@ def test_a_place_at_home_is_found_whatever_the_shell(monkeypatch, tmp_path):
     assert parse(RunConfig, ["init=~/mine.py"]).init == f"{tmp_path.resolve()}/mine.py"
     assert parse(TrainConfig, ["reward=human,~/mine.py"]).reward == f"human,{tmp_path}/mine.py"
     assert parse(RunConfig, ["init=~nobody.py"]).init.endswith("/~nobody.py")  # a file of that name, and no user
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("(0.8, 2)", [0.8, 2]),
+        ("{'a': (1, None)}", {"a": [1, None]}),
+        ("[1, true]", [1, True]),
+        ("None", None),
+        *((text, text) for text in ("(b)", "{1, 2}", "(1j,)", "1_000", "[" * 9999)),
+    ],
+)
+def test_a_value_is_json_or_python_and_any_other_text_itself(text: str, value: object):
+    assert literal(text) == value
 
 
 def test_a_config_survives_being_stored_and_read_back():
