@@ -38,6 +38,12 @@ def test_a_number_that_is_infinite_in_32_bits_is_refused(number: str):
         formula(f"speed * {number}", SHAPES)
 
 
+@pytest.mark.parametrize("text", ["plce", "plce[1]"])
+def test_a_name_that_is_not_there_is_told_with_the_one_that_may_be_meant(text: str):
+    with pytest.raises(TaskError, match=r"names `plce`, which random play did not show\. Did you mean `place`\?"):
+        formula(text, SHAPES)
+
+
 REFUSED = """
 speed.real | speed() | [speed] | lambda: speed | speed if speed else 1 | place | place[9] | place[-1] | sped | 1 | 'a'
 abs(speed, speed) | speed and speed | speed = 1 | open(speed) | speed @ speed | ((((speed

@@ -77,14 +77,11 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
             if value > _LARGEST:
                 raise TaskError(f"The fitness `{text:.80}` has a number beyond 3.4e38; write a smaller one.")
         case ast.Name(id=name):
-            if name not in shapes:
-                raise TaskError(
-                    f"The fitness `{text:.80}` names `{name}`, which random play did not show."
-                    f"{nearest(name, shapes)} It showed {', '.join(shapes)}."
-                )
+            _expect_known(name, text, shapes)
             if shapes[name]:
                 raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}; name a column: {name}[0].")
-        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))) if name in shapes:
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))):
+            _expect_known(name, text, shapes)
             if len(shapes[name]) != 1 or column >= shapes[name][0]:
                 raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}, so no column {column}.")
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
@@ -107,6 +104,14 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
                 f"`{ast.unparse(node):.60}` in the fitness `{text:.80}` is not understood; it may have numbers, names, "
                 f"+ - * / ** < >, and {', '.join(_FUNCTIONS)}."
             )
+
+
+def _expect_known(name: str, text: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    if name not in shapes:
+        raise TaskError(
+            f"The fitness `{text:.80}` names `{name}`, which random play did not show."
+            f"{nearest(name, shapes)} It showed {', '.join(shapes)}."
+        )
 
 
 def _value(node: ast.expr, values: Values) -> Tensor:
