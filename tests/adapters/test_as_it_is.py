@@ -228,9 +228,11 @@ def test_no_prompt_says_what_f_is_made_of():
     assert facts(known)[0] == "The task score: mean of a number over steps; higher is better."
 
 
-def test_what_info_says_only_at_an_end_is_found_where_f_names_it():
+@pytest.mark.parametrize("success", ["is_success", "success"])
+def test_what_info_says_only_at_an_end_is_found_where_f_names_it(success: str):
     env = "gym:Openeureka/Solver-v0"
-    simulation = registry.make(f"{env}+fitness=is_success", worlds=16)
+    simulation = registry.make(f"{env}+fitness={success}", worlds=16)
+    assert simulation.task.score_unit == "share of episodes that succeed"
     assert simulation.task.spec == registry.get(env).spec  # what rewards may read does not depend on F
     simulation.reset()
     for _ in range(12):

@@ -151,7 +151,7 @@ class Solver(Clock):
     def step(self, action):
         seen, paid, terminated, truncated, info = super().step(action)
         if terminated or truncated:
-            info |= {"is_success": self.luck % 2 == 0, "late": self.step_count}
+            info |= dict.fromkeys(("is_success", "success"), self.luck % 2 == 0) | {"late": self.step_count}
         return seen, paid, terminated, truncated, info
 
 

@@ -20,8 +20,8 @@ from .formula import formula
 from .survey import Survey, action_meaning, variables
 from .worlds import GymWorlds
 
-SUCCESS = "is_success"
-"""The name under which many environments say in `info` that they are solved."""
+SUCCESS = ({"is_success"}, {"success"})
+"""What F names where it is whether an episode ends in success, which `info` says in every step or at the end alone."""
 CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
 DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
 
@@ -193,7 +193,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         StateVar(name="previous_obs_buf", shape=(found.size,), meaning="the observation before the last step"),
         StateVar(name="actions", shape=(found.actions.size,), meaning=action_meaning(found)),
     ]
-    at_end = not fitness or named == {SUCCESS}
+    succeeds = named in SUCCESS
     # A prompt has it: the expression would betray F.
     unit = "mean of a number over steps" if fitness else "sum of the environment's reward over an episode"
     return {
@@ -201,7 +201,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "description": documents.intent(found.document, found.env),
         "source": documents.told(found.document, {variable.name for variable, _ in listed})
         or f"{found.env} has none: the table says all there is.",
-        "score_unit": "share of episodes that succeed" if named == {SUCCESS} else unit,
+        "score_unit": "share of episodes that succeed" if succeeds else unit,
         "episode_length": found.steps,
         "control_dt": found.dt,
         "num_observations": found.size,
@@ -212,7 +212,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "survey": found,
         "places": {variable.name: place for variable, place in listed},
         "step_fitness": staticmethod(step_fitness) if step_fitness else None,
-        "at_end": at_end,
+        "at_end": not fitness or succeeds,
     }
 
 
