@@ -126,6 +126,7 @@ def test_whole_numbers_are_rounded_and_the_first_action_is_in_their_range():
     simulation.reset()
     state = simulation.step(torch.tensor([[0.3, -0.3]] * 2)).state
     assert state["obs_buf"].tolist() == [[8.0, 6.0]] * 2  # 7 + 2 * 0.3 = 7.6, and 6.4
+    assert state["actions"].tolist() == [[0.5, -0.5]] * 2  # rewards read what was taken
 
 
 def test_a_training_goes_on_to_the_bit_where_it_was_saved():

@@ -42,6 +42,13 @@ PROGRAMS = {
             shown = (phase * torch.arange(3, device=phase.device)).sum(dim=-1)
             return shown + step[:, 0] * actions[:, 4] + 0.001 * luck, {"shown": shown}
     """,
+    **dict.fromkeys(
+        ("gym:Openeureka/Whole-v0", "gym:Openeureka/Fixed-v0"),
+        """
+        def compute_reward(actions):
+            return actions[:, 0] + 10.0 * actions[:, 1], {"second": actions[:, 1]}
+    """,
+    ),
 }
 
 
@@ -77,7 +84,7 @@ def test_a_wrapper_pays_what_the_graph_paid(env: str):
         if bool(step.done[0]):
             break
         ours, components = reward(step.state)
-        (taken,) = simulation.task.survey.actions.taken(step.state["actions"])
+        (taken,) = simulation.task.survey.actions.taken(simulation.sim.action)
         _, paid, _, _, info = theirs.step(taken)
         assert paid == pytest.approx(float(ours[0]), abs=2e-6)
         assert info["parts"] == pytest.approx({name: float(part[0]) for name, part in components.items()}, abs=2e-6)

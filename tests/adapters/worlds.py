@@ -167,6 +167,18 @@ class Set(Clock):
         return *moment, self.told
 
 
+class Whole(Clock):
+    """Takes two whole numbers from 0 to 10, of which the second is always 4."""
+
+    action_space = spaces.Box(np.array([0, 4]), np.array([10, 4]), dtype=np.int64)
+
+
+class Fixed(Clock):
+    """Takes two numbers, of which the second is always 0.5."""
+
+    action_space = spaces.Box(np.float32([-1.0, 0.5]), np.float32([1.0, 0.5]))
+
+
 class Heavy(CartPoleEnv):
     def __init__(self, mass: float = 1.0, **given: Any) -> None:
         super().__init__(**given)
@@ -181,7 +193,7 @@ for name, maker in {"Cells": Cells, "Turned": Turned, "Heavy": Heavy, "Stacked":
     gymnasium.register(f"Openeureka/{name}-v0", entry_point=maker, max_episode_steps=20)
 
 
-for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

@@ -32,6 +32,8 @@ class Acting:
     low: tuple[float | None, ...] = ()
     high: tuple[float | None, ...] = ()
     """None where a side has no bound."""
+    whole: bool = False
+    """Whether what is between the bounds is rounded."""
     choices: tuple[int, ...] = ()
     starts: tuple[int, ...] = ()
     """Number of the first option of each."""

@@ -114,7 +114,8 @@ def _actions(told: Acting, env: str) -> Actions:
         np.array([side * math.inf if value is None else value for value in values], np.float64)
         for side, values in ((-1, told.low), (1, told.high))
     )
-    return actions(spaces.Box(low, high, dtype=np.float64), env)
+    kind = np.int64 if told.whole and np.isfinite([low, high]).all() else np.float64
+    return actions(spaces.Box(low.astype(kind), high.astype(kind), dtype=kind), env)
 
 
 class ForeignWorlds(GymWorlds):

@@ -132,7 +132,8 @@ def _actions(space: Any, env: Any) -> dict[str, Any]:
         return {"choices": [int(space.n)], "starts": [int(getattr(space, "start", 0))], "shape": []}
     if hasattr(space, "low"):
         low, high = (np.asarray(side, np.float64).reshape(-1) for side in (space.low, space.high))
-        return {"low": low, "high": high, "shape": list(space.shape)}
+        whole = getattr(getattr(space, "dtype", None), "kind", "f") in "iu"
+        return {"low": low, "high": high, "whole": whole, "shape": list(space.shape)}
     count = int(getattr(env, "num_actions", 0))
     if not count:
         raise ValueError("it says neither `single_action_space` nor `num_actions`")

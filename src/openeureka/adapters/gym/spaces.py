@@ -132,13 +132,7 @@ class Actions:
         """
         space = self.space
         if isinstance(space, spaces.Box):
-            low, high = (side.reshape(-1).astype(np.float64) for side in (space.low, space.high))
-            low = np.where(np.abs(low) < UNBOUNDED, low, -np.inf)
-            high = np.where(np.abs(high) < UNBOUNDED, high, np.inf)
-            bounded = np.isfinite(low) & np.isfinite(high)
-            with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
-                middle = np.where(bounded, (low + high) / 2, np.clip(0.0, low + 1.0, high - 1.0))
-                half = np.where(bounded, (high - low) / 2, 1.0)
+            low, high, middle, half = _range(space)
             scaled = np.clip(middle + half * actions.double().numpy(), low, high)
             scaled = np.rint(scaled) if space.dtype.kind in "iu" else scaled
             return scaled.astype(space.dtype).reshape(-1, *space.shape)
@@ -149,6 +143,18 @@ class Actions:
             return (picked + space.start.reshape(-1)).reshape(-1, *space.shape).astype(space.dtype)
         return picked.reshape(-1, *(space.shape or ())).astype(space.dtype)
 
+    def seen(self, actions: Tensor) -> Tensor:
+        """(N, size) actions as rewards see them: what was taken, in [-1, 1]. It was rounded in a Box of whole numbers,
+        and is 0 where there is one value alone."""
+        if not isinstance(self.space, spaces.Box):
+            return actions
+        *_, middle, half = _range(self.space)
+        if self.space.dtype.kind not in "iu":
+            return actions if half.all() else actions.where(torch.from_numpy(half > 0.0), 0.0)
+        taken = self.taken(actions.nan_to_num()).reshape(len(actions), -1)
+        scaled = (taken - middle) / np.where(half > 0.0, half, 1.0)
+        return torch.from_numpy(np.clip(scaled, -1.0, 1.0).astype(np.float32))
+
     def told(self) -> dict[str, list[float]]:
         """What actions of -1 and 1 are in a Box; of choices, how many options each has, and what the first one is."""
         if not self.choices:
@@ -157,6 +163,18 @@ class Actions:
         first = torch.zeros(1, self.size)
         first[0, np.cumsum([0, *self.choices[:-1]])] = 1.0
         return {"action_options": list(self.choices), "action_first": self.taken(first).reshape(-1).tolist()}
+
+
+def _range(space: spaces.Box) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(size,) bounds, what an action of 0 is, and how far one of 1 is from that."""
+    low, high = (side.reshape(-1).astype(np.float64) for side in (space.low, space.high))
+    low = np.where(np.abs(low) < UNBOUNDED, low, -np.inf)
+    high = np.where(np.abs(high) < UNBOUNDED, high, np.inf)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
+        middle = np.where(bounded, (low + high) / 2, np.clip(0.0, low + 1.0, high - 1.0))
+        half = np.where(bounded, (high - low) / 2, 1.0)
+    return low, high, middle, half
 
 
 def actions(space: Space[Any], env: str) -> Actions:

@@ -137,6 +137,9 @@ class GymTask(PaidTask):
             raise TaskError(f"`{cls.env}` steps itself, on the CPU alone; leave device={device} out.")
         return GymWorlds(cls.make, num_worlds, cls.survey, name=cls.env, episode=cls.episode_length)
 
+    def compute_state(self) -> dict[str, Any]:
+        return super().compute_state() | {"actions": self.survey.actions.seen(self.actions)}
+
     def apply_action(self, actions: Tensor) -> None:
         self.gym.action.copy_(actions)
 
