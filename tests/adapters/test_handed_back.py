@@ -169,6 +169,28 @@ def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden
     np.testing.assert_array_equal(state["obs_buf"], theirs["obs_buf"])
 
 
+@pytest.mark.parametrize(
+    "old, new, said",
+    [
+        ('name="pole_angle"', 'name="lean"', "`places` has `pole_angle`, and `spec` has not; rename it in both"),
+        (
+            "slice(2, 3)",
+            '"lean"',
+            "`pole_angle` is `lean` of `info`, which random play did not show. It showed no",
+        ),
+    ],
+)
+def test_a_name_that_a_task_file_has_in_one_place_alone_is_told(tmp_path: Path, old: str, new: str, said: str):
+    drafted(tmp_path / "first.py", "gym:CartPole-v1")
+    text = (tmp_path / "first.py").read_text()
+    assert text.count(old) == 1
+    edited = tmp_path / "edited.py"
+    edited.write_text(text.replace(old, new))
+    with pytest.raises(TaskError) as caught:
+        registry.make(str(edited), worlds=1).reset()
+    assert said in str(caught.value)
+
+
 def test_f_counts_the_same_whatever_a_drafted_file_calls_or_hides(tmp_path: Path):
     env = "gym:Pendulum-v1+fitness=-abs(angular_velocity)"
     file = tmp_path / "swing.py"

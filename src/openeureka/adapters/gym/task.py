@@ -10,7 +10,7 @@ import mujoco
 import torch
 from torch import Tensor
 
-from ...errors import TaskError
+from ...errors import TaskError, nearest
 from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes, mean_over_steps
 from ...types import RewardGraph, StateSpec, StateVar
@@ -171,7 +171,18 @@ class GymTask(PaidTask):
 def cut(
     places: Mapping[str, slice | str], shapes: Mapping[str, tuple[int, ...]], observation: Tensor, info: Info
 ) -> dict[str, Tensor]:
-    """Variables by name, taken from their places in an observation (N, O) and in `info`."""
+    """Variables by name, taken from their places in an observation (N, O) and in `info`.
+
+    Raises TaskError where a task file names what there is not.
+    """
+    for name, place in places.items():
+        if name not in shapes:
+            raise TaskError(f"`places` has `{name}`, and `spec` has not; rename it in both, or delete it in both.")
+        if isinstance(place, str) and place not in info:
+            raise TaskError(
+                f"`places` says that `{name}` is `{place}` of `info`, which random play did not show."
+                f"{nearest(place, info)} It showed {', '.join(info) or 'nothing'}."
+            )
     return {
         name: info[place] if isinstance(place, str) else observation[:, place].reshape(-1, *shapes[name])
         for name, place in places.items()
