@@ -326,6 +326,8 @@ def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():
         registry.get("gym:Openeureka/Eye-v0")
     with pytest.raises(TaskError, match="observes a value that is not finite, within 8 random steps"):
         registry.get("gym:Openeureka/Void-v0+cut=1")
+    with pytest.raises(TaskError, match=r"Vast-v0` observes a value beyond 3\.4e38, the largest in 32 bits; wrap it"):
+        registry.get("gym:Openeureka/Vast-v0")
 
 
 @pytest.mark.parametrize("shape", [(4, 84, 84), (3, 64, 48), (2, 64, 48, 3), (64, 48)])

@@ -193,7 +193,7 @@ for name, maker in {"Cells": Cells, "Turned": Turned, "Heavy": Heavy, "Stacked":
     gymnasium.register(f"Openeureka/{name}-v0", entry_point=maker, max_episode_steps=20)
 
 
-for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed, Vast):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

@@ -20,6 +20,7 @@ LONGEST = 1000
 """[steps] of an episode that the environment itself never cuts off."""
 MAX_COLUMNS = 64
 """Columns of an observation that get names of their own."""
+_LARGEST = float(np.finfo(np.float32).max)
 _TRIED = 8
 """Random steps in which `info` shows what it holds."""
 
@@ -60,8 +61,11 @@ def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) 
     """
     seen_as, acting = parts(env.observation_space, name), actions(env.action_space, name)
     observed, infos = _play(env)
-    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in seen_as):
+    values = [part.of(seen) for seen in observed for part in seen_as]
+    if not all(np.isfinite(value).all() for value in values):
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
+    if any((np.abs(value, dtype=np.float64) > _LARGEST).any() for value in values):
+        raise TaskError(f"`{name}` observes a value beyond 3.4e38, the largest in 32 bits; wrap it to scale that down.")
     spec, told = env.spec, _is_as_documented(env)
     found = Survey(
         env=name,
