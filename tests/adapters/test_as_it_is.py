@@ -142,6 +142,14 @@ def test_numbers_of_info_are_those_of_their_world_and_none_is_cut_to_its_neighbo
         assert torch.equal(state["half"], torch.where(whole, 1.0, 0.5))
         assert torch.equal(state["lap"], torch.where(whole, 0.0, 7.0))
     assert "touched" not in state  # as many numbers as something touches
+    assert simulation.step(actions(0, 0, 8)).state["late"].tolist() == [[0.0]] * 8  # two numbers, no more said
+
+
+def test_what_f_needs_of_info_keeps_its_shape():
+    simulation = registry.make("gym:Openeureka/Teller-v0+fitness=late[0]", worlds=8)
+    simulation.reset()
+    for _ in range(11):
+        simulation.step(actions(0, 0, 8))
     with pytest.raises(TaskError, match=r"`late` of `info` has the shape \(2,\), and had \(1,\); let it keep one"):
         simulation.step(actions(0, 0, 8))
 

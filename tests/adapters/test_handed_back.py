@@ -108,13 +108,14 @@ def test_a_wrapper_makes_the_environment_as_it_was_trained_on():
 
 
 def test_a_wrapper_takes_zeros_for_what_info_leaves_out():
-    program = "def compute_reward(pressed):\n    return pressed[:, 1] + 1.0, {'pressed': pressed[:, 1]}"
+    program = "def compute_reward(pressed, late):\n    return pressed[:, 1] + late[:, 0], {'pressed': pressed[:, 1]}"
     env = "gym:Openeureka/Presser-v0"
     graph = graph_of(registry.get(env), program, record_states(env, worlds=4, steps=3, keep=2))
     text = registry.get(env).handed_back(graph, program)
     theirs = loaded(text).EurekaReward(gymnasium.make("Openeureka/Presser-v0"))
     theirs.reset(seed=0)
-    assert [theirs.step(np.array([0, 0]))[1] for _ in range(4)] == [3.0, 1.0, 3.0, 1.0]
+    paid = [theirs.step(np.array([0, 0]))[1] for _ in range(14)]
+    assert paid == [3.0, 1.0] * 5 + [3.0, 0.0, 2.0, 0.0]  # `late` has two numbers from step 12 on
 
 
 def with_square(text: str) -> str:

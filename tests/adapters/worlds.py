@@ -69,11 +69,21 @@ class Teller(Clock):
 
 
 class Presser(Clock):
-    """Says in `info` what is pressed, in every other step."""
+    """Says in `info` what is pressed, in every other step, and more of `late` from step 12 on."""
 
     def step(self, action):
         *moment, _ = super().step(action)
-        return *moment, {"pressed": np.array([1.0, 2.0])} if self.step_count % 2 else {}
+        late = np.ones(1 + (self.step_count > 11))
+        return *moment, {"late": late, **({"pressed": np.array([1.0, 2.0])} if self.step_count % 2 else {})}
+
+
+class Vast(Clock):
+    """Observes what 32 bits cannot hold."""
+
+    observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
+
+    def _seen(self):
+        return np.array([-1e300])
 
 
 class Astray(Clock):

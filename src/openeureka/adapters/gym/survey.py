@@ -43,6 +43,8 @@ class Survey:
     document: str
     named: tuple[StateVar, ...] = ()
     """State variables that the environment itself names, in place of columns of the observation; `infos` has each."""
+    wanted: frozenset[str] = frozenset()
+    """Names that F needs."""
 
     @property
     def size(self) -> int:
@@ -75,6 +77,7 @@ def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) 
         dt=_dt(env),
         infos=_shapes(infos),
         sections=_structure(env) if told else {},
+        wanted=wanted,
         document=(inspect.getdoc(type(env.unwrapped)) or "") if told else "",
     )
     unseen = wanted.difference(found.infos, (variable.name for variable, _ in variables(found)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,15 @@ class Together(SyncVectorEnv):
     """Worlds that are reset by a mask alone: who steps them also ends episodes earlier.
 
     Of `info` it keeps the numbers in `infos`, with their shapes. Gymnasium's own keeps all, in the type that the first
-    world has: 0.9 beside a 1 is cut to 0.
+    world has: 0.9 beside a 1 is cut to 0. What has another shape later counts as not said: a search
+    would end for it after hours. It does end for what is `wanted` for F.
     """
 
-    def __init__(self, make: Callable[..., Any], num_worlds: int, infos: Mapping[str, tuple[int, ...]]) -> None:
+    def __init__(
+        self, make: Callable[..., Any], num_worlds: int, infos: Mapping[str, tuple[int, ...]], wanted: Collection[str]
+    ) -> None:
         super().__init__([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED)
-        self._infos = infos
+        self._infos, self._wanted = infos, wanted
 
     def _add_info(self, vector_infos: dict[str, Any], env_info: dict[str, Any], env_num: int) -> dict[str, Any]:
         for name, shape in self._infos.items():
@@ -33,9 +36,10 @@ class Together(SyncVectorEnv):
             value = env_info.get(name)
             if value is None:
                 continue
-            if (now := np.shape(value)) != shape:
+            if (now := np.shape(value)) == shape:
+                kept[env_num] = value
+            elif name in self._wanted:
                 raise ValueError(f"`{name}` of `info` has the shape {now}, and had {shape}; let it keep one")
-            kept[env_num] = value
         return vector_infos
 
 
@@ -64,7 +68,7 @@ class GymWorlds(Worlds):
     def __init__(self, make: Callable[..., Any], num_worlds: int, found: Survey, *, name: str, episode: int) -> None:
         self.num_worlds, self.device = num_worlds, torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
-        self._name, self._parts, self._actions = name, found.parts, found.actions
+        self._name, self._parts, self._actions, self._wanted = name, found.parts, found.actions, found.wanted
         self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in found.infos.items()}
         self._vector = self._ask(lambda: self._opened(make, num_worlds))
         self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
@@ -78,7 +82,8 @@ class GymWorlds(Worlds):
 
     def _opened(self, make: Callable[..., Any], num_worlds: int) -> Any:
         """N worlds as Gymnasium's vector API has them."""
-        return Together(make, num_worlds, {name: tuple(kept.shape[1:]) for name, kept in self.info.items()})
+        shapes = {name: tuple(kept.shape[1:]) for name, kept in self.info.items()}
+        return Together(make, num_worlds, shapes, self._wanted)
 
     def step(self, substeps: int) -> None:
         """One step under `action` (N, A)."""
