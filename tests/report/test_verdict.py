@@ -38,6 +38,17 @@ def ended(generated: Sequence[float | None], human: Sequence[float | None]) -> R
     return replace(whole, config=config, crown=best.sample.place)
 
 
+def test_an_environment_whose_every_episode_breaks_is_no_question_of_rewards():
+    view = ended([None], [None])
+    lost = {name: replace(score, episodes=0, lost=4) for name, score in view.evaluations.items()}
+    assert verdict(replace(view, evaluations=lost, played={})).startswith(
+        "No policy has a score: every episode that was played ended at a reward, an observation or physics that"
+    )
+    (name, *_) = lost
+    one = replace(lost[name], episodes=1)
+    assert "is not finite" not in verdict(replace(view, evaluations={**lost, name: one}, played={}))
+
+
 @pytest.mark.parametrize(
     ("generated", "human", "says"),
     [

@@ -27,6 +27,12 @@ FEWEST = 3
 def verdict(run: RunView) -> str:
     """Which reward is better: the generated or the human one, of given ones the first or the second, or a tuned one
     before or after."""
+    scores = [*run.played.values(), *run.evaluations.values()]
+    if scores and all(score.lost and not score.episodes for score in scores):
+        return (
+            "No policy has a score: every episode that was played ended at a reward, an observation or physics that is "
+            "not finite."
+        )
     if run.searched:
         return _of_search(run)
     return of_tuning(run.tuned) if run.tunes else _of_given(run.given)
