@@ -13,6 +13,9 @@ from openeureka.testing.conformance.task import TaskConformance
 
 STEPS = 200
 EXACT = {"Hopper", "Walker2d", "HalfCheetah", "Swimmer", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"}
+SPEED = {"Ant": 0.045, "Humanoid": 0.002}
+"""[m/s] by which their speeds differ: Gymnasium takes them of places that the last stage of a Runge-Kutta step looked
+at."""
 
 
 class TestHopper(TaskConformance):
@@ -46,8 +49,9 @@ def compared(name: str) -> tuple[np.ndarray, np.ndarray]:
         step = ours.step(torch.from_numpy(action)[None])
         assert bool(step.terminated[0]) == terminated, number
         for key in ("x_velocity", "x_position", "z_distance_from_origin"):
-            if key in info and name in EXACT and not terminated:
-                assert float(step.state[key][0]) == pytest.approx(info[key], abs=2e-5)
+            if key in info and not terminated:
+                near = SPEED.get(name, 2e-5) if key == "x_velocity" else 2e-5
+                assert float(step.state[key][0]) == pytest.approx(info[key], abs=near)
         seen.append(np.abs(step.final_observation[0].numpy() - observation))
         paid.append(abs(float(task.paid[0]) - reward))
         if terminated:
@@ -67,12 +71,15 @@ def test_a_fingertip_is_where_a_runge_kutta_step_comes_to():
     assert seen[:, :8].max() < 5e-6 and seen.max() < 3e-3 and paid.max() < 3e-3
 
 
-@pytest.mark.parametrize("name, state", [("Ant", 27), ("Humanoid", 45)])
-def test_contacts_are_those_of_the_state_that_a_step_comes_to(name: str, state: int):
-    # Gymnasium reads forces of the last stage of a Runge-Kutta step: they differ where something has just touched.
+@pytest.mark.parametrize("name, state, median, most", [("Ant", 27, 1e-3, 0.045), ("Humanoid", 45, 1e-4, 0.18)])
+def test_contacts_and_speeds_are_those_of_the_state_that_a_step_comes_to(
+    name: str, state: int, median: float, most: float
+):
+    # Gymnasium reads forces of the last stage of a Runge-Kutta step: they differ where something has just touched. The
+    # guide has the same numbers.
     seen, paid = compared(name)
     assert seen[:, :state].max() < 5e-6
-    assert (seen[:, state:] > 0.01).mean() < 0.04 and np.median(paid) < 2e-3 and paid.max() < 0.5
+    assert (seen[:, state:] > 0.01).mean() < 0.04 and np.median(paid) < median and paid.max() < most
 
 
 def test_pusher_goes_on_from_what_gymnasium_saw_before():
