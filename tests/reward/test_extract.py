@@ -1,3 +1,4 @@
+import json
 import time
 from itertools import permutations
 from pathlib import Path
@@ -24,6 +25,8 @@ CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
         f"````markdown\nLook:\n```python\n{REWARD}```\n````",
         f"```python\n{REWARD}",  # cut off before the closing fence
         f"1. My answer:\n\n   ```python\n{'   ' + REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n",
+        f"1. ```python\n{'   ' + REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n2. ```bash\n   ls\n   ```\n",
+        f"- ```\n{'  ' + REWARD.replace(chr(10), chr(10) + '  ')}\n  ```\n- ```\n  ls\n  ```\n",
         "".join(f"> {line}\n" for line in f"As said:\n\n```python\n{REWARD}```".split("\n")),
         "".join(f">> {line}".rstrip() + "\n" for line in f"```python\n{REWARD}```".split("\n")),
         f"Here you are.\n{REWARD}\nThis rewards x, as you asked.",
@@ -153,6 +156,26 @@ def test_a_byte_order_mark_takes_nothing_from_the_head_of_a_file(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
+    "reply",
+    [
+        json.dumps({"code": REWARD}),
+        json.dumps({"thoughts": "def is a word", "answer": [{"language": "python", "code": REWARD}]}, indent=2),
+        json.dumps({"answer": f"Here it is.\n```python\n{REWARD}```"}),
+        json.dumps({"draft": "def compute_reward(y):\n    return y, {}\n", "code": REWARD}),
+        '{"code": "' + REWARD + '"}',  # line breaks that ought to be escaped
+        f"As JSON:\n```json\n{json.dumps({'code': REWARD})}\n```\nThis rewards x.",
+        json.dumps({"plan": "none"}) + "\n" + json.dumps({"code": REWARD}),  # calls of two tools
+    ],
+)
+def test_a_program_in_a_string_of_json_is_found(reply: str):
+    assert extract.program(reply) == REWARD
+
+
+def test_helpers_in_other_strings_of_json_come_along():
+    assert extract.program(json.dumps({"helpers": HELPER, "code": CALLER})) == f"{HELPER}\n\n{CALLER}"
+
+
+@pytest.mark.parametrize(
     "reply", ["", "I cannot help with that.", "```python\nx = 1\n```", "```\n```", "def", f"<think>{REWARD}</think>No."]
 )
 def test_a_reply_without_a_function_holds_no_program(reply: str):
@@ -215,6 +238,8 @@ def test_indented_prose_below_a_program_is_left_out(prose: str):
         "<think>" * 500_000,
         "</think>" * 500_000,
         f"```{' ' * 900_000}`",
+        '{"a":' * 180_000,
+        "{}\n" * 300_000,
         f"```python\ndef {'reward' * 150_000}",
     ],
 )
@@ -235,6 +260,9 @@ LONG = {
     "docstrings that never end": '```\ndef f():\n  """\n```\n' * 40_000,
     "many blocks": "```\ndef f():\n  a\n```\n" * 15_000,
     "prose that never parses": "import a\n" + "it's\n" * 190_000,
+    "strings of JSON": json.dumps(["def f():\n a"] * 15_000),
+    "docstrings in JSON": json.dumps(['```\ndef f():\n  """\n```\n' * 3_000] * 11),
+    "items": "1. - " * 199_000 + "```",
     "blocks that need each other": "".join(
         f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(5_000)
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import textwrap
 import warnings
@@ -11,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import TypeAlias
 
 from ..errors import RewardFileError, nearest
 from ..types import OWN_REWARDS, Candidate
@@ -26,12 +28,15 @@ MAX_JOINS = 50
 MAX_NESTING = 2
 
 # Possessive, all of them: a mark that gave characters back would be tried again at each.
-_FENCE = re.compile(r"^(?P<quote>[ \t>]*+)(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
+_FENCE = re.compile(
+    r"^(?P<quote>[ \t>]*+)(?P<item>(?:(?:[-*+]|\d{1,9}[.)])[ \t]++)?+)(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$"
+)
 _QUOTE = re.compile(r"^[ \t]*+(?:> ?)++")
 _THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
 _ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
+_JSON_BEGINS = re.compile(r"\s*+(?=[{\[\"])")
 _DOCSTRING = r"[rR]?(?:\"{3}|'{3})"
 _FILE_BEGINS = re.compile(
     r"(?:[ \t\r]*+(?:#.*+)?\n)*+"  # blank lines and comments
@@ -42,22 +47,20 @@ _IN_FUNCTION = re.compile(r"[ \t]*(?:def[ \t]+\w+[ \t]*\(|return\b)")
 _GOES_ON = re.compile(rf"\s|$|[#)\]}}]|{_DOCSTRING}")
 """Begins a line that is part of the code above it."""
 
+_Json: TypeAlias = "dict[str, _Json] | list[_Json] | str | float | None"
+
 
 def program(reply: str) -> str | None:
     """Source of the reward program in a reply, or None where it holds no function.
 
     The last code block with a reward function is it: models draft before they decide. Helper functions and constants
     that it names and that stand in other blocks come along. Without code blocks, the program is looked for between the
-    prose. A program with a syntax error is returned too, so that its author learns of the line.
+    prose, then in the strings of JSON. A program with a syntax error is returned too, so that its author learns of the
+    line.
     """
-    text = answer(reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
-    blocks = [_Block.of(code) for code in _fenced(text)]
-    chosen = _choose(blocks)
-    if chosen is None:
-        chosen = _choose([_Block.of(_between_prose(text))])
-        return chosen.source if chosen is not None else None
-    helpers = _helpers(chosen, blocks)
-    return "\n\n".join([*(helper.source for helper in helpers), chosen.source])
+    text = answer(_plain(reply))
+    codes = list(_fenced(text))
+    return _among(codes) or _among([_between_prose(text)]) or _among(chain.from_iterable(map(_in_json, [text, *codes])))
 
 
 def fenced(source: str) -> str:
@@ -99,6 +102,19 @@ def in_text(text: str) -> Candidate:
     text = text.removeprefix("\ufeff")
     found = program(text) if _parsed(text) is None and not _FILE_BEGINS.match(text) else None
     return Candidate.of(found if found is not None else text)
+
+
+def _plain(reply: str) -> str:
+    return reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff")
+
+
+def _among(codes: Iterable[str]) -> str | None:
+    """The program in code blocks."""
+    blocks = [_Block.of(code) for code in codes]
+    chosen = _choose(blocks)
+    if chosen is None:
+        return None
+    return "\n\n".join([*(helper.source for helper in _helpers(chosen, blocks)), chosen.source])
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,8 +231,8 @@ def _content(
 ) -> tuple[int, list[str]]:
     """Which fence ends the block that one begins, and the lines between.
 
-    It is the next bare one of the same kind that is at least as long, or the end of the text. Where that is in a string
-    of a program, it is the one that completes the program.
+    It is the next bare one of the same kind, not at the head of a list item, that is at least as long, or the end of
+    the text. Where that is in a string of a program, it is the one that completes the program.
 
     Args:
         fences: with the lines that they are at.
@@ -226,7 +242,9 @@ def _content(
     ends = (
         later
         for later in range(number + 1, len(fences))
-        if not fences[later][1]["info"].strip() and fences[later][1]["mark"].startswith(opening["mark"])
+        if not fences[later][1]["info"].strip()
+        and not fences[later][1]["item"]
+        and fences[later][1]["mark"].startswith(opening["mark"])
     )
     first = next(ends, len(fences))
     block = lines[place + 1 : fences[first][0] if first < len(fences) else None]
@@ -255,6 +273,28 @@ def _unwrapped(lines: list[str], depth: int) -> Iterator[str]:
 
 def _is_program(code: str) -> bool:
     return _FUNCTION.search(code) is not None and _parsed(_dedented(code)) is not None
+
+
+def _in_json(text: str) -> Iterator[str]:
+    """The code in the strings of JSON, as models hand it to a tool, or wrap it where an endpoint holds them to JSON.
+    Calls of several tools are several values."""
+    decoder, place = json.JSONDecoder(strict=False), 0
+    while begin := _JSON_BEGINS.match(text, place):
+        try:
+            value, place = decoder.raw_decode(text, begin.end())
+        except (ValueError, RecursionError):
+            return
+        todo: list[_Json] = [value]
+        while todo:
+            match todo.pop():
+                case str(string) if _FUNCTION.search(string):
+                    yield from _unwrapped(string.split("\n"), 0)
+                case dict(fields):
+                    todo += reversed(fields.values())
+                case list(items):
+                    todo += reversed(items)
+                case _:
+                    pass
 
 
 def _between_prose(text: str) -> str:
