@@ -187,6 +187,38 @@ def test_a_program_with_a_syntax_error_is_returned_for_the_gate_to_explain():
     assert extract.program(f"```python\n{broken}```") == broken
 
 
+@pytest.mark.parametrize(
+    "final",
+    [
+        "def compute_reward(x):\n    return x,, {}\n",
+        "def compute_reward(x):\n    y = x[..., 0]\n    retrun y, {}\n",
+        "def compute_reward(x)\n    return x, {}\n",
+    ],
+)
+def test_a_draft_does_not_take_the_place_of_a_final_program_with_a_syntax_error(final: str):
+    assert extract.program(f"A draft:\n```python\n{REWARD}```\nFinal:\n```python\n{final}```") == final
+
+
+@pytest.mark.parametrize(
+    "recap",
+    [
+        "def compute_reward(x: Tensor) -> Tuple[Tensor, Dict[str, Tensor]]:",
+        "def compute_reward(\n    x: Tensor,\n)",
+        "def compute_reward(...):\n    scale = 0.5  # or less\n    return ...",
+        "def compute_reward(x):\n    ...\n    scale = 0.5 or so less\n    return x, {}",
+        " def compute_reward(x):\n-    return x, {}\n+    return -x, {}\n     scale = 1",
+    ],
+)
+def test_a_recap_that_does_not_parse_replaces_no_program(recap: str):
+    assert extract.program(f"```python\n{REWARD}```\nTo note:\n```python\n{recap}\n```") == REWARD
+
+
+def test_a_draft_with_a_syntax_error_does_not_take_the_place_of_a_later_reward():
+    final = "def my_reward(x):\n    return x, {}\n"
+    draft = "def compute_reward(x):\n    return x,, {}\n"
+    assert extract.program(f"```python\n{draft}```\nFinal:\n```python\n{final}```") == final
+
+
 BROKEN = {
     "in the body": f"{HELPER}\n\ndef compute_reward(x):\n    if x is None:\n        return x\n    return 0.5 x, {{}}\n",
     "a bracket": f"{HELPER}\n\ndef compute_reward(x):\n    y = helper(x\n    return y, {{}}\n",

@@ -10,7 +10,7 @@ import warnings
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -35,6 +35,9 @@ _QUOTE = re.compile(r"^[ \t]*+(?:> ?)++")
 _THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
 _ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
+_BODY = re.compile(r"^[ \t]++(?:return\b|\w++ *+=(?!=))", re.MULTILINE)
+_SKETCHED = re.compile(r"^[ \t]*+(?:# *+)?+(?:\.{3}|…)|\((?:\.{3}|…)\)|^[-+]", re.MULTILINE)
+"""Stands for code that is left out, or begins a line of a diff."""
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
 _JSON_BEGINS = re.compile(r"\s*+(?=[{\[\"])")
 _DOCSTRING = r"[rR]?(?:\"{3}|'{3})"
@@ -55,8 +58,8 @@ def program(reply: str) -> str | None:
 
     The last code block with a reward function is it: models draft before they decide. Helper functions and constants
     that it names and that stand in other blocks come along. Without code blocks, the program is looked for between the
-    prose, then in the strings of JSON. A program with a syntax error is returned too, so that its author learns of the
-    line.
+    prose, then in the strings of JSON. A program with a syntax error is returned too, and comes before a draft without
+    one, so that its author learns of the line.
     """
     text = answer(_plain(reply))
     codes = list(_fenced(text))
@@ -126,6 +129,8 @@ class _Block:
     """Functions defined anywhere in it."""
     returns: bool
     """False for a signature alone."""
+    meant: frozenset[str]
+    """Functions that it would define if it parsed; none of a signature alone, a sketch or a diff."""
 
     @property
     def missing(self) -> frozenset[str]:
@@ -154,7 +159,9 @@ class _Block:
         tree = _parsed(source)
         statements = list(_statements(tree)) if tree is not None else []
         functions = frozenset(statement.name for statement in statements if isinstance(statement, ast.FunctionDef))
-        return _Block(source, tree, functions, any(isinstance(statement, ast.Return) for statement in statements))
+        returns = any(isinstance(statement, ast.Return) for statement in statements)
+        meant = frozenset(_FUNCTION.findall(source)) if tree is None and _is_written_out(source) else frozenset[str]()
+        return _Block(source, tree, functions, returns or bool(meant), meant)
 
 
 def _constants(statements: Iterable[ast.stmt]) -> set[str]:
@@ -169,6 +176,10 @@ def _constants(statements: Iterable[ast.stmt]) -> set[str]:
         bound |= {target.id for target in targets if isinstance(target, ast.Name)}
         read |= {node.id for node in ast.walk(statement.value) if isinstance(node, ast.Name)}
     return bound if read <= bound else set()
+
+
+def _is_written_out(source: str) -> bool:
+    return len(source) <= MAX_PARSED and bool(_BODY.search(source)) and not _SKETCHED.search(source)
 
 
 def _dedented(code: str) -> str:
@@ -186,14 +197,17 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def _choose(blocks: list[_Block]) -> _Block | None:
-    """The last reward that parses, one of the asked name first, else the last function that does, else the last that
-    looks like one. A signature that is shown once more replaces no program."""
+    """The last reward if it is of the asked name and does not parse, else the last that parses, one of the asked name
+    first, else the last function that does, else the last that looks like one. A signature that is shown once more
+    replaces no program."""
     last_first = sorted(reversed(blocks), key=lambda block: not block.returns)
+    written = (block for block in last_first if any("reward" in name for name in block.defined | block.meant))
+    mistyped = (block for block in islice(written, 1) if not block.meant.isdisjoint(ENTRY_NAMES))
     asked = (block for block in last_first if not block.defined.isdisjoint(ENTRY_NAMES))
     rewards = (block for block in last_first if any("reward" in name for name in block.defined))
     functions = (block for block in last_first if block.defined)
     alike = (block for block in last_first if _FUNCTION.search(block.source))
-    return next(chain(asked, rewards, functions, alike), None)
+    return next(chain(mistyped, asked, rewards, functions, alike), None)
 
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
