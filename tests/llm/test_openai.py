@@ -8,6 +8,7 @@ import pytest
 from openeureka.errors import BudgetError, ModelError
 from openeureka.llm.openai import EndpointModel
 from openeureka.llm.price import Price, afford
+from openeureka.reward import extract
 
 from .endpoint import PROMPT, Answer, Endpoint, answer, failure, sample, texts
 
@@ -178,6 +179,13 @@ def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(
 def test_a_reply_that_was_not_ended_by_the_model_is_asked_for_again(endpoint: Endpoint, reason: str):
     endpoint.script = [answer("cut", finish=reason), answer("a", finish="eos")]
     assert texts(sample(endpoint.model(), 1)) == ["a"]
+
+
+def test_a_program_is_kept_where_only_the_text_after_it_is_cut(endpoint: Endpoint):
+    reply = extract.fenced("def compute_reward(x):\n    return x, {}\n") + "\nThis works because"
+    endpoint.script = [answer(reply, reply, finish="length")]
+    assert texts(sample(endpoint.model(), 2)) == [reply, reply]
+    assert len(endpoint.bodies) == 1
 
 
 def test_a_slot_is_given_what_there_is_after_three_rounds(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):

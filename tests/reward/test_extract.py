@@ -281,6 +281,30 @@ def test_hostile_replies_take_little_time(reply: str):
     assert time.thread_time() - began < 5
 
 
+@pytest.mark.parametrize(
+    ("reply", "settled"),
+    [
+        (f"```python\n{REWARD}```\nThis rewards x, as", True),
+        (f"```python\n{REWARD}```", True),
+        (f"<think>So.</think>\n```python\n{REWARD}```\nThis", True),
+        (f"1. ```python\n   {REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n2. This", True),
+        (f"```python\n{HELPER}```\n```python\n{CALLER}```\nThis", True),
+        (f"```python\n{REWARD}", False),  # the next line may be part of it
+        (f"```python\n{REWARD}``", False),
+        (REWARD, False),
+        (f"```python\n{REWARD}```\nBetter:\n```python\nimport", False),
+        (f"```python\n{REWARD}```\nBetter:\n```python", False),
+        (f"```python\n{REWARD.replace('return', 'retrun')}```\nThis", False),
+        (f"<think>Perhaps\n```python\n{REWARD}```\nor", False),
+        (f"Perhaps\n```python\n{REWARD}```\n</think>\nNo, rather", False),
+        ("I would reward x by", False),
+        ("", False),
+    ],
+)
+def test_a_reply_is_settled_where_a_cut_takes_nothing_from_its_program(reply: str, settled: bool):
+    assert extract.is_settled(reply) is settled
+
+
 def test_null_bytes_do_no_harm():
     assert extract.program("```python\ndef f():\n    return '\0'\n```") == "def f():\n    return '\0'\n"
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..reward import extract
+
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
@@ -19,7 +21,7 @@ class Choice:
 
     text: str
     whole: bool
-    """Not empty, and not cut off by a limit, a filter or an error."""
+    """Not empty, and not cut off by a limit, a filter or an error before its program ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +86,8 @@ def _choice(choice: object) -> Choice:
     fields = _mapping(choice)
     message = _mapping(fields.get("message"))
     text = _text(message.get("content")) or _text(message.get("refusal")) or _called(message.get("tool_calls"))
-    return Choice(text, bool(text) and str(fields.get("finish_reason")).lower() not in _CUT)
+    cut = str(fields.get("finish_reason")).lower() in _CUT
+    return Choice(text, bool(text) and (not cut or extract.is_settled(text)))
 
 
 def _text(content: object) -> str:

@@ -34,6 +34,7 @@ _FENCE = re.compile(
 _QUOTE = re.compile(r"^[ \t]*+(?:> ?)++")
 _THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
 _ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
+_THINKS = re.compile(r"\s*+<(?:think|thinking|thought)>")
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _BODY = re.compile(r"^[ \t]++(?:return\b|\w++ *+=(?!=))", re.MULTILINE)
 _SKETCHED = re.compile(r"^[ \t]*+(?:# *+)?+(?:\.{3}|…)|\((?:\.{3}|…)\)|^[-+]", re.MULTILINE)
@@ -64,6 +65,17 @@ def program(reply: str) -> str | None:
     text = answer(_plain(reply))
     codes = list(_fenced(text))
     return _among(codes) or _among([_between_prose(text)]) or _among(chain.from_iterable(map(_in_json, [text, *codes])))
+
+
+def is_settled(reply: str) -> bool:
+    """Whether a reply that was cut off holds its program all the same: the program parses, and the cut is in no thought
+    and no code block."""
+    text = _ENDED_THOUGHTS.sub("", _plain(reply))
+    codes = list(_fenced(text))
+    if _THINKS.match(text) or codes != list(_fenced(f"{text}\n#")):  # an open block would hold the comment too
+        return False
+    found = _among(codes)
+    return found is not None and _parsed(found) is not None
 
 
 def fenced(source: str) -> str:
