@@ -140,19 +140,25 @@ def test_a_wait_is_stated_in_seconds_or_as_a_date(endpoint: Endpoint, header: st
     assert endpoint.waits == [wait]
 
 
-def test_an_endpoint_that_hangs_is_left_after_the_timeout(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(openai, "TIMEOUT", 0.2)
+@pytest.mark.parametrize("before", [[], [answer("a")], [failure(503), failure(503)]])
+def test_an_endpoint_that_hangs_is_asked_twice(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch, before: list[Answer]
+):
+    monkeypatch.setattr(openai, "TIMEOUT", 0.5)
     done = threading.Event()
 
     def hang(handler: BaseHTTPRequestHandler) -> None:
         done.wait(30)
 
-    endpoint.script = lambda body: hang
+    endpoint.script = lambda body: before.pop() if before else hang
+    asked, model = len(before) + 2, endpoint.model()
     try:
-        assert "did not answer: it may take" in said(endpoint)
+        with pytest.raises(ModelError, match="did not answer: it may take"):
+            for _ in range(2):
+                sample(model, 1)
     finally:
         done.set()
-    assert endpoint.waits == [1.0]  # it was never reached: one more try
+    assert len(endpoint.bodies) == asked
 
 
 def test_an_endpoint_that_answers_blanks_for_ever_is_left(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
@@ -414,7 +420,7 @@ def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come
     monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", silent)
     with pytest.raises(ModelError, match="cannot be reached; check base_url"):
         sample(model, 1)
-    assert model._client.timeout == httpx2.Timeout(300.0, connect=20.0)
+    assert model._client.timeout == httpx2.Timeout(600.0, connect=20.0)
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

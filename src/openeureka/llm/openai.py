@@ -21,11 +21,13 @@ from .price import CHARACTERS, Price
 
 ATTEMPTS = 7
 """Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
+SILENCES = 2
+"""Tries that may end without an answer: each may be billed, and brings nothing that could be counted."""
 ROUNDS = 3
 """Times that empty or truncated replies are asked for again."""
 PARALLEL = 8
-TIMEOUT = 300.0
-"""[s] for a sign of life."""
+TIMEOUT = 600.0
+"""[s] for a sign of life. Answers are not streamed: many of a model that thinks may take minutes to the first byte."""
 PATIENCE = 900.0
 """[s] for an answer in all: some endpoints send blanks for as long as a request is queued."""
 MAX_BODY = 64 << 20
@@ -173,7 +175,7 @@ class EndpointModel:
 
     def _call(self, prompt: Prompt, n: int, gone: Event) -> list[_Answered]:
         """One request, tried again while that makes sense and nobody is `gone`."""
-        wait = self._wait or gone.wait
+        wait, silences = self._wait or gone.wait, 0
         for attempt in range(ATTEMPTS):
             if gone.is_set():
                 return []
@@ -186,8 +188,9 @@ class EndpointModel:
                     raise self._unreadable(error) from None
                 wait(connection.delay({}, attempt))
             except openai.APIError as error:
+                silences += _is_silence(error)
                 if not self._adapted(error, n, manner, attempt):
-                    last = last or time.monotonic() - began >= PATIENCE
+                    last = last or silences == SILENCES or time.monotonic() - began >= PATIENCE
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     wait(connection.delay(_headers(error), attempt))
@@ -253,7 +256,7 @@ class EndpointModel:
         """Whether waiting may help."""
         if error.code == "insufficient_quota":
             return False
-        if isinstance(error, openai.APIConnectionError) and not self._reached:
+        if isinstance(error, openai.APIConnectionError) and not self._reached and not _is_silence(error):
             return attempt == 0  # more likely a mistake in base_url than an interruption
         if isinstance(error, openai.APIStatusError):
             return error.status_code in _PASSING or error.status_code >= 500
@@ -261,10 +264,10 @@ class EndpointModel:
 
     def _explained(self, error: openai.APIError) -> ModelError:
         where = self._where
-        if isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout):
+        if _is_silence(error):
             return ModelError(
                 f"{where} did not answer: it may take {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
-                "Try again later or with a smaller sample=."
+                "Go on later, or start a run with a smaller sample= or a faster model; what it was asked may be billed."
             )
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
@@ -340,6 +343,11 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
         return messages
     asked, *later = rest
     return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
+
+
+def _is_silence(error: openai.APIError) -> bool:
+    """Whether a request went out, as far as can be known, and no answer came in time."""
+    return isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout)
 
 
 def _said(error: openai.APIError) -> str:
