@@ -359,12 +359,12 @@ def test_runs_that_cannot_be_read_are_sorted_last_and_hide_no_news(page: Page, t
     search_in(tmp_path / "better", [reply(7), reply(8)])
     page.goto("/")
     names = page.locator("#runs tbody tr:visible td.called:nth-child(2)")
-    for title, ordered in (("best F", ["better", "worse", "failed"]), ("cost, US$", None), ("task", None)):
+    for title, ordered in (("F held out", ["better", "worse", "failed"]), ("cost, US$", None), ("task", None)):
         page.get_by_role("button", name=title).click()
         expect(names.last).to_have_text("failed")
         if ordered:
             expect(names).to_have_text(ordered)
-    page.get_by_role("button", name="best F").click()
+    page.get_by_role("button", name="F held out").click()
     page.get_by_label("Find").fill("e")
     search_in(tmp_path / "best", [reply(7), reply(12)])
     expect(names).to_have_text(["best", "better", "worse", "failed"])
