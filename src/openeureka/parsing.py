@@ -11,6 +11,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
@@ -49,10 +50,24 @@ def command_line(*words: object) -> str:
     a setting or an option is told from it by a dot."""
 
     def typed(word: object) -> str:
-        text = str(word)
-        return f"./{text}" if isinstance(word, Path) and (text.startswith("-") or is_setting(text)) else text
+        if not isinstance(word, Path):
+            return str(word)
+        text = str(short_path(word))
+        return f"./{text}" if text.startswith("-") or is_setting(text) else text
 
     return shlex.join(["eureka", *map(typed, words)])
+
+
+def whole_path(path: str | PathLike[str]) -> Path:
+    """The path as it is found from any working directory, `~` being the home directory. No link is followed: it is
+    shown as somebody typed it."""
+    return Path(os.path.abspath(os.path.expanduser(path)))
+
+
+def short_path(path: Path) -> Path:
+    """The path for people: from the working directory, where it is below that."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:

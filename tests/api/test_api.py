@@ -102,8 +102,35 @@ def test_events_that_nobody_asks_for_leave_no_directory(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     events = openeureka.searching(model=ScriptedModel(SCRIPT), **SETTINGS)
     assert not list(tmp_path.iterdir())
-    assert next(events).run.directory.parent == Path("outputs")
+    assert next(events).run.directory.parent == tmp_path / "outputs"
     events.close()
+
+
+def test_a_program_may_leave_its_working_directory_while_a_run_goes_on(tmp_path, monkeypatch, capsys):
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path)
+    run = openeureka.search(
+        model=ScriptedModel(SCRIPT), dir="run", on_event=lambda _: os.chdir(tmp_path / "elsewhere"), **SETTINGS
+    )
+    assert run.finished and run.best_reward == program(12.0) and not list((tmp_path / "elsewhere").iterdir())
+    monkeypatch.chdir(tmp_path)
+    opened = openeureka.open_run("run")
+    assert opened == run == openeureka.open_run(tmp_path / "run")
+    monkeypatch.chdir("/")
+    assert opened.finished and opened.best_reward == program(12.0)
+
+
+def test_a_home_directory_is_found_wherever_a_path_is_taken(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    search(Path("~/run"))
+    assert openeureka.open_run("~/run").directory == tmp_path / "run"
+    (tmp_path / "mine.py").write_text(program(3.0))
+    assert openeureka.check("cartpole", "~/mine.py").accepted
+
+
+def test_a_run_that_is_gone_is_not_called_unfinished(tmp_path):
+    with pytest.raises(StoreError, match="is not a run"):
+        _ = openeureka.Run(tmp_path / "gone").finished
 
 
 def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys, trainer):

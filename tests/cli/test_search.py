@@ -523,7 +523,7 @@ def test_a_directory_that_can_hold_no_run_is_refused_before_anything_is_told(com
     parts.setattr("openeureka.cli.train.to_tune", lambda *_: None)
     for name, why in (
         ("hop.xml", "hop.xml is a file, and a run is a directory; choose another dir=."),
-        ("hop.xml/run", f"{tmp_path}/hop.xml is a file, and a run is a directory; choose another dir=."),
+        ("hop.xml/run", "hop.xml is a file, and a run is a directory; choose another dir=."),
         (".", ". is not empty and not a run; choose another dir=."),
     ):
         assert run(command, *words, f"dir={name}") == 5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted
+from ..parsing import short_path, whole_path
 from ..report import html
 from ..report.build import build
 from ..runs import compose, program
@@ -101,17 +103,17 @@ def bench(
     except Interrupted:
         if not found:
             raise KeyboardInterrupt from None
-        print(stopped(f"openeureka.bench(..., dir={str(directory)!r})"))
+        print(stopped(f"openeureka.bench(..., dir={str(short_path(directory))!r})"))
     return found[-1]
 
 
 def opened(plan_: str | Path | Mapping[str, Any] | Plan, dir: str | Path = "") -> tuple[Plan, Path]:
     """A plan, and the directory of its bench. Raises ConfigError."""
     if isinstance(plan_, (str, Path)):
-        path = Path(plan_)
-        return load(path), Path(dir) if dir else OUTPUTS / f"bench_{path.stem}"
+        path = Path(os.path.expanduser(plan_))
+        return load(path), whole_path(dir or OUTPUTS / f"bench_{path.stem}")
     read = plan_ if isinstance(plan_, Plan) else plan(plan_)
-    return read, Path(dir) if dir else OUTPUTS / "bench"
+    return read, whole_path(dir or OUTPUTS / "bench")
 
 
 def run(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..config import VIDEOS
 from ..errors import ConfigError
-from ..parsing import is_setting
+from ..parsing import is_setting, short_path
 
 EXPORTED = ("gymnasium", "mjlab", "isaaclab")
 """Suites that a reward may be written for."""
@@ -161,7 +161,7 @@ def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]
     """
     named = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     if other := [name for name in named if Path(name).resolve() != directory.resolve()]:
-        raise ConfigError(f"trust={other[0]} is not the run that is resumed; write trust={directory}.")
+        raise ConfigError(f"trust={other[0]} is not the run that is resumed; write trust={short_path(directory)}.")
     return [word for word in settings if not word.startswith("trust=")], bool(named)
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ..display.live import verdict_line
 from ..display.progress import working
 from ..numbers import columns, dollars, number, scored
-from ..parsing import command_line, parse
+from ..parsing import command_line, parse, short_path
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
@@ -150,9 +150,10 @@ def robust_lines(found: Robust) -> list[str]:
 
 def closing(run: RunView, directory: Path) -> list[str]:
     """The last lines of what made a run: where everything is, and the command that decides what it left open."""
-    command = deciding(run, str(directory))
+    shown = short_path(directory)
+    command = deciding(run, str(shown))
     return [
-        f"\nEverything is in {directory}; begin with report.html",
+        f"\nEverything is in {shown}; begin with report.html",
         *([f"To decide what is open: {plain(command)}"] if command else []),
     ]
 

@@ -16,7 +16,7 @@ from ..display.live import PlainView, TerminalView, view
 from ..display.progress import working
 from ..errors import FeedbackError
 from ..numbers import columns, duration, number
-from ..parsing import command_line
+from ..parsing import command_line, short_path
 from ..report.filming import Filming
 from ..report.view import VIDEO
 from ..store import artifacts, say
@@ -31,14 +31,15 @@ class Terminal:
     """See `runs.compose.Host`."""
 
     def begins(self, config: RunConfig, directory: Path) -> None:
+        task, place = short_name(config.env), short_path(directory)
         if config.model == NO_MODEL and config.tune:
-            print(f"{short_name(config.env)}: {config.tune} trainings fit the numbers of a reward, in {directory}")
+            print(f"{task}: {config.tune} trainings fit the numbers of a reward, in {place}")
             return
         if config.model == NO_MODEL:
-            print(f"{short_name(config.env)}: given rewards, in {directory}")
+            print(f"{task}: given rewards, in {place}")
             return
         size = f"{config.iteration} generation{'s' * (config.iteration > 1)} of {config.sample} rewards"
-        print(f"{short_name(config.env)}: {size}, written by model={one_line(config.model)}, in {directory}")
+        print(f"{task}: {size}, written by model={one_line(config.model)}, in {place}")
         if config.model == "random":
             print(CONTROL)
 
@@ -90,7 +91,7 @@ class TerminalDesk:
         for entry in generation.entries:
             if entry.result is not None:
                 video = f"lanes/{lane_id(entry.candidate_id, self._config.seed)}/{VIDEO}"
-                shown = str(self._directory / video) if artifacts.exists(self._directory, video) else "none"
+                shown = str(short_path(self._directory / video)) if artifacts.exists(self._directory, video) else "none"
                 yield str(entry.sample.place), number(entry.score), shown
 
     def listen(self, seconds: float) -> None:

@@ -15,7 +15,7 @@ from ..errors import WorkerError
 from ..method.given import Given
 from ..method.lanes import unused_seed
 from ..numbers import columns
-from ..parsing import changed, command_line, parse
+from ..parsing import changed, command_line, parse, short_path, whole_path
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import left_out, listed, named, to_tune
@@ -43,7 +43,7 @@ def resume(words: Sequence[str]) -> None:
     What the stored settings reach outside the run is agreed to first, see `trust`.
     """
     settings, paths = split(words)
-    directory = only_path(paths, "eureka resume outputs/<time>_cartpole")
+    directory = whole_path(only_path(paths, "eureka resume outputs/<time>_cartpole"))
     settings, trusted = trusting(settings, directory)
     stored = compose.stored(directory)
     config = changed(stored, settings)
@@ -56,7 +56,8 @@ def resume(words: Sequence[str]) -> None:
     else:
         best = directory / "best" / "reward.py"
         if Run(directory).finished and best.is_file():
-            print(f"{directory} is finished; this is what it found. To improve that, begin the next search with it:")
+            print(f"{short_path(directory)} is finished; this is what it found.")
+            print("To improve that, begin the next search with it:")
             # With the seeds that crowned it, the same trainings would crown it again.
             settings = f"env={config.env}", f"init={best}", f"seed={unused_seed(config)}"
             print(plain(f"  {command_line('run', *settings)}"))
@@ -65,7 +66,7 @@ def resume(words: Sequence[str]) -> None:
 
 def _trusting(directory: Path) -> str:
     """How to agree beforehand to what a run from elsewhere uses."""
-    return f"add {shlex.quote(f'trust={directory}')}"
+    return f"add {shlex.quote(f'trust={short_path(directory)}')}"
 
 
 def _keys(words: Sequence[str]) -> set[str]:
@@ -101,7 +102,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run_config(), directory, rewards)
     if as_json:
-        print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
+        print(json.dumps({"directory": str(short_path(directory)), **facts(run)}, indent=2))
     _say_what_failed(run)
 
 
@@ -153,7 +154,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
         directory = output_directory(typed.dir, typed.env, "tune_")
         run = fit(typed.run_config(), directory, reward)
     if as_json:
-        print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
+        print(json.dumps({"directory": str(short_path(directory)), **facts(run)}, indent=2))
     _say_that_all_failed(run)
 
 
@@ -173,7 +174,7 @@ def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | 
 def robust(words: Sequence[str]) -> None:
     """Do what is missing to make the best policy of a run robust, write the report and print what was found."""
     settings, paths = split(words)
-    directory = only_path(paths, "eureka robust outputs/<time>_anymal")
+    directory = whole_path(only_path(paths, "eureka robust outputs/<time>_anymal"))
     settings, trusted = trusting(settings, directory)
     typed = _keys(settings)
     wanted = parse(RobustConfig, settings)
@@ -186,7 +187,7 @@ def robust(words: Sequence[str]) -> None:
         tell(["", *robust_lines(found)])
     for problem in problems:
         print(plain(problem))
-    print(f"\nThe policy and its ranges are in {directory / 'robust'}; begin with report.html")
+    print(f"\nThe policy and its ranges are in {short_path(directory / 'robust')}; begin with report.html")
 
 
 class _Host(Terminal):
@@ -220,4 +221,4 @@ def _tell_compared(found: cells.Bench) -> None:
         print(plain(f"\n{columns([table.titles, *table.rows])}\n\n{table.note}"))
     for name, error in found.failures.items():
         print(plain(f"{name} could not be finished: {error}"))
-    print(f"\nEverything is in {found.directory}; begin with {cells.PAGE}")
+    print(f"\nEverything is in {short_path(found.directory)}; begin with {cells.PAGE}")

@@ -11,7 +11,7 @@ from ..config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError
 from ..llm.client import LanguageModel
 from ..llm.registry import expect_model
-from ..parsing import absolute, taken
+from ..parsing import absolute, short_path, taken, whole_path
 from ..store import Store
 from ..store.directory import output_directory
 from ..tasks.registry import get
@@ -264,14 +264,14 @@ def robust(
     """
     if not isinstance(run, Run):
         _expect("run", run, "a run or the path of its directory")
-    directory = run.directory if isinstance(run, Run) else Path(run)
+    directory = run.directory if isinstance(run, Run) else whole_path(run)
     own, name = _named(model)
     typed = taken(RobustConfig, {"model": name, **settings})
     wanted = RobustConfig(**typed)
     config = wanted.applied_to(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
     agree(config, directory, typed=given, trusted=trust, way="call robust(..., trust=True)")
-    words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
+    words = [repr(str(short_path(directory))), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
         words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
     again = f"openeureka.robust({', '.join(words)})"
@@ -305,8 +305,9 @@ def open_run(directory: str | Path) -> Run:
         StoreError: when there is none.
     """
     _expect("directory", directory, "the path of a run")
-    Store.view(directory).close()
-    return Run(Path(directory))
+    run = Run(Path(directory))
+    Store.view(run.directory).close()
+    return run
 
 
 def _searched(

@@ -14,6 +14,7 @@ from .. import events
 from ..config import RunConfig
 from ..errors import Interrupted
 from ..method.person import Desk
+from ..parsing import short_path
 from ..report.filming import Filming
 from ..store import has_begun
 from ..store.directory import is_asked_to_stop
@@ -74,7 +75,7 @@ class Program:
         return _Desk(self, directory)
 
     def again(self, directory: Path) -> str:
-        return f"openeureka.open_run({str(directory)!r}).resume({'model=...' if self.own else ''})"
+        return f"openeureka.open_run({str(short_path(directory))!r}).resume({'model=...' if self.own else ''})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -27,7 +28,11 @@ def read(program: str | Path) -> Candidate:
     Raises:
         RewardFileError: for a file that cannot be read.
     """
-    return extract.in_text(str(program)) if is_text(program) else extract.in_file(Path(program))[0]
+    return extract.in_text(str(program)) if is_text(program) else extract.in_file(_file(program))[0]
+
+
+def _file(word: str | Path) -> Path:
+    return Path(os.path.expanduser(word))
 
 
 def is_text(program: str | Path) -> bool:
@@ -113,7 +118,7 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
         raise ConfigError(
             "The sparse reward of a task is no program; tune `human`, a file, or the best reward of a run."
         )
-    directory = Path(word) if not is_text(word) else None
+    directory = _file(word) if not is_text(word) else None
     if directory is None or not directory.is_dir():
         return read(word)
     env = read_config(directory).env

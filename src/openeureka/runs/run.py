@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, StoreError
-from ..parsing import taken
+from ..parsing import short_path, taken, whole_path
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
@@ -22,7 +22,7 @@ from ..report import html, verdict
 from ..report.candidates import CandidateView
 from ..report.view import RunView
 from ..score import Outcome
-from ..store import Store, artifacts, expect_files, has_begun, look
+from ..store import Store, artifacts, expect_files, look
 from ..tasks import registry
 from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
@@ -120,6 +120,10 @@ class Run:
     """A run directory, of a search or of given rewards, finished or not. It is read anew at each look."""
 
     directory: Path
+    """Kept as a whole path: it is the same run wherever a program goes."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "directory", whole_path(self.directory))
 
     @property
     def view(self) -> RunView:
@@ -134,9 +138,7 @@ class Run:
 
     @property
     def finished(self) -> bool:
-        """Whether it is complete; else `resume` goes on with it."""
-        if not has_begun(self.directory):
-            return False
+        """Whether it is complete; else `resume` goes on with it. Raises StoreError where there is no run."""
         return finished(*look(self.directory))
 
     @property
@@ -156,7 +158,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """For a notebook: what was found, and the best candidates with their curves."""
-        return html.notebook("run", self.view, str(self.directory), SHOWN)
+        return html.notebook("run", self.view, str(short_path(self.directory)), SHOWN)
 
     def rows(self) -> list[Row]:
         """A row of numbers and texts for each training, as data frames take them: `pandas.DataFrame(run.rows())`."""

@@ -19,7 +19,7 @@ import platformdirs
 from ..config import NO_MODEL, RunConfig, TrainConfig
 from ..errors import ConfigError
 from ..executors import EXECUTORS
-from ..parsing import absolute, command_line
+from ..parsing import absolute, command_line, short_path
 from ..strategies import SEARCHES
 from ..tasks import registry
 from ..text import plain, visible
@@ -123,14 +123,15 @@ def agree(
         if not (asks and all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))):
             listed = ", ".join(f"{key}={plain(value)}" for key, value in asked.items())
             raise ConfigError(
-                f"{directory} would use what was never typed here: {listed}; {way} if you know where it comes from."
+                f"{short_path(directory)} would use what was never typed here: {listed}; {way} if you know where it "
+                "comes from."
             )
         _ask(asked, directory)
     remember(config)
 
 
 def _ask(asked: Mapping[str, str], directory: Path) -> None:
-    print(f"{directory} was not started here. It wants to use:")
+    print(f"{short_path(directory)} was not started here. It wants to use:")
     for key, value in asked.items():
         print(f"  {key}={visible(value)}\n    which {_EFFECTS[key]}")
     try:

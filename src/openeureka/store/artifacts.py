@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from ..errors import StoreError
+from ..parsing import short_path
 from .db import FILENAME, LOCK, LOG, STOP, explained
 
 MAX_FILE = 1 << 30
@@ -156,9 +157,9 @@ def expect_room(directory: Path) -> None:
     """Raises StoreError where there can be no run, begun or new: in a file, or among other things."""
     place = next(path for path in (directory, *directory.absolute().parents) if path.exists())
     if not place.is_dir():
-        raise StoreError(f"{place} is a file, and a run is a directory; choose another dir=.")
+        raise StoreError(f"{short_path(place)} is a file, and a run is a directory; choose another dir=.")
     if place == directory and not (directory / FILENAME).exists() and is_foreign(directory):
-        raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+        raise StoreError(f"{short_path(directory)} is not empty and not a run; choose another dir=.")
 
 
 def is_foreign(directory: Path) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..config import RunConfig, short_name
 from ..errors import FeedbackError, NotBegun, StoreError
+from ..parsing import whole_path
 from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
 from .db import FILENAME, STOP, at_work, explained
@@ -23,7 +24,8 @@ _NEW = set[Path]()
 
 
 def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS) -> Path:
-    """The chosen directory, or a new one, `<root>/<time>_<kind><env>`, which no other process gets.
+    """The chosen directory, or a new one, `<root>/<time>_<kind><env>`, which no other process gets: as a whole path, as
+    a program may leave its working directory while the run goes on.
 
     The new one is made, as that takes the name. Where no run begins in it, `swept` removes it.
 
@@ -31,7 +33,8 @@ def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS
         StoreError: when it cannot be made.
     """
     if chosen:
-        return Path(chosen)
+        return whole_path(chosen)
+    root = whole_path(root)
     path = first = root / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{kind}{short_name(env)}"
     number = 1
     with explained(root):

@@ -17,7 +17,7 @@ from filelock import FileLock
 from ..codec import decode, encode
 from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig
 from ..errors import ConfigError, NotBegun, StoreError
-from ..parsing import restored
+from ..parsing import restored, short_path
 from ..score import played
 from ..text import safe_text
 from ..types import (
@@ -59,6 +59,7 @@ HARDENING = "robust.json"
 def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
     """Raises StoreError where a run that exists was begun with other settings than are wanted of it."""
     before, now = asdict(stored), asdict(wanted)
+    directory = short_path(directory)
     if (stored.model == NO_MODEL) != (wanted.model == NO_MODEL):
         held = "trainings of given rewards" if stored.model == NO_MODEL else "a search"
         raise StoreError(f"{directory} holds {held}, which this is not; choose another dir=.")
