@@ -183,6 +183,7 @@ def test_rows_are_inserted_all_or_none(database: Database) -> None:
     ("error", "advice"),
     [
         (OSError(errno.ENOSPC, "No space left on device"), "free some space"),
+        (OSError(errno.EROFS, "Read-only file system"), "choose another dir="),
         (sqlite3.OperationalError("database or disk is full"), "free some space"),
         (PermissionError(errno.EACCES, "Permission denied"), "check its permissions"),
         (sqlite3.OperationalError("attempt to write a readonly database"), "check its permissions"),

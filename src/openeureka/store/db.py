@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from ..codec import DecodeError
 from ..errors import NotBegun, StoreError
-from ..parsing import command_line
+from ..parsing import command_line, short_path
 from .schema import FILLS, MIGRATIONS, OLDEST
 
 T = TypeVar("T")
@@ -101,19 +101,21 @@ def explained(directory: Path) -> Generator[None]:
 
 
 def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
-    if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in str(error):
+    directory = short_path(directory)
+    number, text = getattr(error, "errno", None), str(error)
+    if number in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in text:
         return f"The disk that holds {directory} is full; free some space and go on."
-    if getattr(error, "errno", None) in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
+    if number in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
         return f"The file system of {directory} has no locks, which a run needs; choose another dir=."
-    if isinstance(error, PermissionError) or "readonly" in str(error) or "unable to open" in str(error):
+    if isinstance(error, PermissionError) or number == errno.EROFS or "readonly" in text or "unable to open" in text:
         return f"{directory} cannot be written; check its permissions or choose another dir=."
-    if "not a database" in str(error) or "malformed" in str(error):
+    if "not a database" in text or "malformed" in text:
         return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
     if isinstance(error, sqlite3.DataError):
         return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
-    if "is locked" in str(error):
+    if "is locked" in text:
         return f"Another program is writing to {directory / FILENAME}; close it and go on."
-    return f"The run in {directory} cannot be read or written: {error}."
+    return f"The run in {directory} cannot be read or written: {text}."
 
 
 def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
@@ -181,7 +183,7 @@ def _on_one_line(sql: str) -> str:
 def at_work(directory: Path) -> StoreError:
     """For a run that another process has."""
     stop = command_line("stop", directory)
-    return StoreError(f"Another process is working on {directory}; wait for it, or stop it with: {stop}")
+    return StoreError(f"Another process is working on {short_path(directory)}; wait for it, or stop it with: {stop}")
 
 
 def changed_row(directory: Path, why: object) -> StoreError:
