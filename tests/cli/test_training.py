@@ -246,8 +246,9 @@ def test_a_run_that_was_killed_before_it_had_its_rewards_says_what_to_type(toy, 
 
 def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
     train(["reward=human", f"dir={tmp_path}/out"])
-    with pytest.raises(StoreError, match=r"holds a run of other rewards \(human\)"):
+    with pytest.raises(StoreError, match=r"holds a run of other rewards \(human\)") as refused:
         train(["reward=human,sparse", f"dir={tmp_path}/out"])
+    assert not hasattr(refused.value, "__notes__"), "to resume the run would not train the other rewards"
 
 
 def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(one_sandbox, toy, tmp_path, monkeypatch):

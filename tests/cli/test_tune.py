@@ -257,8 +257,9 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
 
 def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):
     mine.write_text(MINE.replace("8.0", "9.0"))
-    with pytest.raises(StoreError, match="tunes another reward"):
+    with pytest.raises(StoreError, match="tunes another reward") as refused:
         tune(words(mine, tmp_path))
+    assert not hasattr(refused.value, "__notes__"), "to resume the run would not tune the other reward"
 
 
 @pytest.mark.parametrize("again", [False, True])

@@ -226,9 +226,8 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         if rewards is not None and not any(rewards.values()):  # programs were judged on states of the task
             with host.working("Trying the task out"):
                 try_out(config.env)
-        with comparing(config, directory, host) as lanes:
-            if rewards is not None:
-                given.keep(lanes.store, rewards)
+        keep = partial(given.keep, rewards=rewards) if rewards is not None else None
+        with comparing(config, directory, host, keep) as lanes:
             given.train(lanes)
             lanes.store.end()
     return _reported(config, directory, host, "training")
@@ -245,16 +244,15 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
     """
     task = get(config.env)
     worlds = config.worlds or task.recipe.worlds
+    keep = partial(tuning.keep, origin=reward[0], verdict=reward[1]) if reward is not None else None
     with swept(directory):
         expect_free(directory, config)
         with host.working("Trying the task out"):
             states = record_states(config.env)
         with (
             Sandbox(task.spec, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker,
-            comparing(config, directory, host) as lanes,
+            comparing(config, directory, host, keep) as lanes,
         ):
-            if reward is not None:
-                tuning.keep(lanes.store, *reward)
             tuning.tune(lanes, checker)
             lanes.store.end()
     return _reported(config, directory, host, "tuning")
@@ -312,16 +310,21 @@ def robust(
 
 
 @contextmanager
-def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]:
-    """The lanes of a run of given rewards, begun or gone on with, as long as it is at work."""
+def comparing(
+    config: RunConfig, directory: Path, host: Host, keep: Callable[[Store], object] | None = None
+) -> Iterator[Lanes]:
+    """The lanes of a run of given rewards, begun or gone on with, as long as it is at work.
+
+    Args:
+        keep: has the store hold the rewards. Where it refuses them, the way on is not to resume the run.
+    """
     trainer = trainer_of(config, directory)
     host.begins(config, directory)
-    with (
-        mirrored(directory, config) as mirrors,
-        _store(directory, config) as store,
-        _at_work(store, config, host, host.again(directory), mirrors) as (tell, _),
-    ):
-        yield Lanes(config, store, trainer, tell)
+    with mirrored(directory, config) as mirrors, _store(directory, config) as store:
+        if keep is not None:
+            keep(store)
+        with _at_work(store, config, host, host.again(directory), mirrors) as (tell, _):
+            yield Lanes(config, store, trainer, tell)
 
 
 @contextmanager
