@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .runs.api import check, open_run, robust, search, searching, train, tune
     from .runs.program import Event, Started
     from .runs.run import LaneView, Run, TrainedPolicy
+    from .runs.settings import RobustSettings, SearchSettings, TrainSettings, TuneSettings
     from .score import Outcome
     from .types import Generation, TrainingProgress, TrainingResult, Verdict
 
@@ -52,14 +53,18 @@ __all__ = [
     "Played",
     "Replied",
     "RewardFileError",
+    "RobustSettings",
     "Run",
     "SandboxUnavailable",
+    "SearchSettings",
     "Started",
     "StoreError",
     "TaskError",
+    "TrainSettings",
     "TrainedPolicy",
     "TrainingProgress",
     "TrainingResult",
+    "TuneSettings",
     "Verdict",
     "WorkerError",
     "__version__",
@@ -80,6 +85,7 @@ _MODULES = {
     "runs.api": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
     "runs.program": ("Event", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
+    "runs.settings": ("RobustSettings", "SearchSettings", "TrainSettings", "TuneSettings"),
     "score": ("Outcome",),
     "types": ("Generation", "TrainingProgress", "TrainingResult", "Verdict"),
 }

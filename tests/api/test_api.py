@@ -479,6 +479,7 @@ def test_frames_are_those_of_the_film(trained, monkeypatch):
         return mp4.encode((np.full((48, 64, 3), level, np.uint8) for level in levels), rate=30)
 
     monkeypatch.setattr(video, "render", render)
+    assert len(trained.play(seconds=np.float64(0.2), seed=7)) == 6
     frames = trained.play(seconds=0.2, seed=7)
     assert frames.shape == (6, 48, 64, 3) and frames.dtype == np.uint8
     assert frames.mean(axis=(1, 2, 3)) == pytest.approx([0, 50, 100, 150, 200, 250], abs=4)

@@ -9,8 +9,8 @@ from typing import get_type_hints
 import pytest
 
 import openeureka
+from openeureka import RobustSettings, SearchSettings, TrainSettings
 from openeureka.config import RobustConfig, RunConfig, TrainConfig
-from openeureka.runs.api import RobustSettings, SearchSettings, TrainSettings
 
 LIGHT = """
 import sys, time

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Unpack
 
 from ..config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError
@@ -19,83 +19,8 @@ from ..types import Verdict
 from . import compose, rewards
 from .program import Event, Tell, done, followed
 from .run import Run
+from .settings import RobustSettings, SearchSettings, TrainSettings, TuneSettings
 from .trust import agree, remember
-
-# --- settings: what they mean, the fields of `config.RunConfig` and `config.TrainConfig` say ------------------------
-
-
-class _Shared(TypedDict, total=False):
-    python: str | Path
-    curriculum: str | Path
-    randomise: str | Path
-    observe: str
-    seed: int
-    seeds: int
-    steps: int | float
-    worlds: int
-    bonus: str
-    device: str
-    threads: int
-    executor: str
-    address: str
-    log: str
-    dir: str | Path
-    unsafe_no_sandbox: bool
-
-
-class TrainSettings(_Shared, total=False):
-    """All fields of `TrainConfig` but `env` and `reward`, and `python`."""
-
-
-class TuneSettings(_Shared, total=False):
-    """All fields of `TuneConfig` but `env` and `reward`, and `python`."""
-
-    trials: int
-    sample: int
-
-
-class RobustSettings(TypedDict, total=False):
-    """All fields of `RobustConfig` but `model`."""
-
-    base_url: str
-    sample: int
-    repair: int
-    start: str
-    steps: int | float
-    device: str
-    threads: int
-    max_cost: float
-    price: str
-
-
-class SearchSettings(_Shared, total=False):
-    """All fields of `RunConfig` but `env` and `model`, and `python`."""
-
-    base_url: str
-    sample: int
-    iteration: int
-    search: str
-    screen: int
-    schedule: str
-    init: str | Path
-    safety: str
-    limits: str
-    feedback: str
-    feedback_timeout: float
-    judge: str
-    repair: int
-    refill: int
-    temperature: float
-    max_cost: float
-    price: str
-    baselines: str
-    video: str
-    tune: int
-    polish: int
-    polish_steps: int | float
-
-
-# --- calls -----------------------------------------------------------------------------------------------------------
 
 
 def search(
@@ -139,7 +64,7 @@ def searching(
                 print(event.index, event.best and event.best.score)
 
     Leaving the loop stops the search, and nothing is lost: it takes about a second while lanes train, and up to a reply
-    while the model writes. So does Ctrl-C.
+    while the model writes. So does Ctrl-C. A generator that you gave a name goes on until its `close()`.
 
     Args:
         env: as in `search`.

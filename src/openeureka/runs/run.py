@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 import torch
@@ -26,6 +26,7 @@ from ..store import Store, artifacts, expect_files, look
 from ..tasks import registry
 from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
+from .settings import SearchSettings
 
 if TYPE_CHECKING:
     from ..llm.client import LanguageModel
@@ -236,6 +237,7 @@ class Run:
         from ..film import mp4, video
         from . import trust
 
+        seconds = float(seconds)
         if not 0.0 < seconds <= LONGEST:
             raise ConfigError(f"`seconds` must be above 0 and at most {LONGEST:g}, not {seconds}.")
         task = str(env) or self.config.env
@@ -256,7 +258,7 @@ class Run:
         model: LanguageModel | None = None,
         trust: bool = False,
         on_event: Callable[[Event], object] | None = None,
-        **settings: Any,
+        **settings: Unpack[SearchSettings],
     ) -> Run:
         """Go on where it stopped. No reply is paid twice and no training is done twice.
 
