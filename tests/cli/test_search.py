@@ -336,12 +336,16 @@ def test_a_run_goes_on_without_the_given_file(parts, tmp_path, capsys):
 
 
 def test_a_finished_run_says_so_when_it_is_resumed_and_how_to_improve_what_it_found(parts, tmp_path, capsys):
-    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    own = "steps=1e5", "safety=gentle joints", "max_cost=3"
+    assert run("run", *SETTINGS, *own, f"dir={tmp_path}/run") == 0
     capsys.readouterr()
     assert run("resume", f"{tmp_path}/run") == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert first.startswith(f"{tmp_path}/run is finished; this is what it found.")
-    assert second == f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py seed=2"
+    assert second == (
+        f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py seed=2 model=scripted sample=2 iteration=2 "
+        "'safety=gentle joints' seeds=1 steps=100000 max_cost=3.0 video=none"
+    )
 
 
 def test_a_run_is_refused_other_settings_before_anything_is_said_of_it(parts, tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shlex
 import sys
@@ -56,12 +57,25 @@ def resume(words: Sequence[str]) -> None:
     else:
         best = directory / "best" / "reward.py"
         if Run(directory).finished and best.is_file():
-            print(f"{short_path(directory)} is finished; this is what it found.")
-            print("To improve that, begin the next search with it:")
-            # With the seeds that crowned it, the same trainings would crown it again.
-            settings = f"env={config.env}", f"init={best}", f"seed={unused_seed(config)}"
-            print(plain(f"  {command_line('run', *settings)}"))
+            shown = short_path(directory)
+            print(f"{shown} is finished; this is what it found. To improve that, begin the next search with it:")
+            print(plain(f"  {_next_search(config, best)}"))
         _tell(directory, compose.search(config, directory, Terminal()))
+
+
+def _next_search(config: RunConfig, best: Path) -> str:
+    """The command of the same search that begins with what this one found, and leaves behind what a run has of its own.
+
+    With the seeds that crowned the reward, the same trainings would crown it again.
+    """
+    own = {"env", "init", "seed", "dir", "unsafe_no_sandbox"}
+    kept = {
+        field.name: value
+        for field in dataclasses.fields(config)
+        if field.name not in own and (value := getattr(config, field.name)) != field.default
+    }
+    settings = {"env": config.env, "init": short_path(best), "seed": unused_seed(config), **kept}
+    return command_line("run", *(f"{key}={value}" for key, value in settings.items()))
 
 
 def _trusting(directory: Path) -> str:
