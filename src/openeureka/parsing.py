@@ -171,6 +171,11 @@ def _unfit(key: str, value: object, kind: type) -> ConfigError:
     return ConfigError(f"`{key}={value!s:.80}` does not fit: `{key}` takes {wanted}.")
 
 
+def plain_number(value: Any) -> Any:
+    """A number of NumPy's or PyTorch's as Python's; anything else as it is."""
+    return value.item() if hasattr(value, "item") and not getattr(value, "shape", True) else value
+
+
 def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
     """Python values as the fields of a config dataclass hold them: paths as text, 1e6 as a whole number.
 
@@ -182,9 +187,7 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
     for key, value in elsewhere(settings).items():
         _expect_known(key, hints)
         wanted = hints[key]
-        given: Any = str(value) if isinstance(value, Path) else value
-        if hasattr(given, "item") and not getattr(given, "shape", True):  # a number of NumPy's or PyTorch's
-            given = given.item()
+        given: Any = str(value) if isinstance(value, Path) else plain_number(value)
         if wanted is int and isinstance(given, float) and given.is_integer():
             given = int(given)
         if type(given) is not wanted and (type(given), wanted) != (int, float):

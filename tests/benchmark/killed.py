@@ -15,7 +15,6 @@ import pytest
 import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork would pay for that
 
 from openeureka.benchmark.bench import JSON, PAGE, bench
-from openeureka.benchmark.bench import PLAN as PLAN_FILE
 from openeureka.store import artifacts
 from openeureka.store.db import Database
 
@@ -49,7 +48,7 @@ def killing(k: int) -> None:
         return wrapped
 
     Database.put = counted(Database.put, lambda *_: True)
-    artifacts.write = counted(artifacts.write, lambda directory, name, _: name in (PLAN_FILE, JSON, PAGE))
+    artifacts.write = counted(artifacts.write, lambda directory, name, _: name in (JSON, PAGE))
 
 
 def go(folder: Path, k: int | None) -> None:

@@ -15,10 +15,10 @@ import openeureka
 from openeureka.benchmark import figures
 from openeureka.benchmark.plan import Cell
 from openeureka.cli import main as command
-from openeureka.errors import ConfigError, TaskError
+from openeureka.errors import ConfigError, ModelError, StoreError, TaskError
 from openeureka.ui import folder
 
-from .toys import PLAN, lines, play
+from .toys import PLAN, MeteredModel, lines, play
 
 
 @pytest.fixture(autouse=True)
@@ -88,7 +88,7 @@ def test_what_is_finished_is_read_and_not_run_again(tmp_path, meters):
     assert (tmp_path / "bench" / "cartpole-full-0" / "report.html").is_file()
 
 
-def test_another_plan_adds_arms_and_changes_none(tmp_path, meters):
+def test_another_plan_may_have_other_arms_and_changes_no_cell_that_is_there(tmp_path, meters):
     openeureka.bench(PLAN, dir=tmp_path / "bench")
     before = Counter(lines(meters, "trained"))
     arms = {**PLAN["arms"], "again": {"model": "strong"}}
@@ -98,8 +98,31 @@ def test_another_plan_adds_arms_and_changes_none(tmp_path, meters):
         "cartpole-again-0",
         "cartpole-again-10",
     }
-    with pytest.raises(ConfigError, match="whose cartpole-full-0 has sample=2, not 4"):
-        openeureka.bench({**PLAN, "settings": {**PLAN["settings"], "sample": 4}}, dir=tmp_path / "bench")
+    before = lines(meters, "asked")
+    fewer = openeureka.bench({**PLAN, "arms": {"full": PLAN["arms"]["full"]}}, dir=tmp_path / "bench")
+    assert fewer.finished and [row.arm for row in fewer.rows] == ["full"]
+    changed = {"first": {"model": "strong"}, "full": {"model": "strong", "sample": 4}}
+    with pytest.raises(StoreError, match=r"cartpole-full-0 holds .* sample=4 \(was 2\).*delete its folder"):
+        openeureka.bench({**PLAN, "arms": changed}, dir=tmp_path / "bench")
+    assert lines(meters, "asked") == before, "refused before the first one ran"
+
+
+def test_a_cell_that_failed_with_a_mistyped_model_begins_anew_without_its_folder(tmp_path, monkeypatch):
+    asked = MeteredModel.sample
+
+    def unknown(self, prompt, *, n, seed):
+        if self.name.startswith("wek-"):
+            raise ModelError("The endpoint has no model wek.")
+        return asked(self, prompt, n=n, seed=seed)
+
+    monkeypatch.setattr(MeteredModel, "sample", unknown)
+    typed = {**PLAN, "arms": {**PLAN["arms"], "weaker": {"model": "wek"}}}
+    assert len(openeureka.bench(typed, dir=tmp_path / "bench").failures) == 2
+    for seed in PLAN["seeds"]:
+        with pytest.raises(StoreError, match=f"cartpole-weaker-{seed} holds .* model=weak .was wek."):
+            openeureka.bench(PLAN, dir=tmp_path / "bench")
+        shutil.rmtree(tmp_path / "bench" / f"cartpole-weaker-{seed}")
+    assert openeureka.bench(PLAN, dir=tmp_path / "bench").finished
 
 
 def test_nothing_is_made_for_what_cannot_be(tmp_path):

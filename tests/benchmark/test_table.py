@@ -79,6 +79,13 @@ def test_a_search_that_trained_nothing_is_no_measure_and_is_not_hidden():
     assert table.tables()[0].rows[1][6] == "- (1 undefined)"
 
 
+def test_a_first_arm_without_a_result_is_said_to_be_compared_with_nothing():
+    alone = compared(result("cartpole", "full", 0, None), result("cartpole", "random", 0, 9.0)).tables()[0]
+    assert "more than full" not in alone.titles and alone.note.endswith("the first arm, full, has no F held out.")
+    begun = compared(result("cartpole", "full", 0, 9.0)).tables()[0]
+    assert begun.note.endswith("Differences are paired by seed.")
+
+
 def test_the_figure_has_a_panel_a_task_and_a_line_an_arm():
     table = compared(
         result("cartpole", "full", 0, 9.0, curve=((1_000_000, 2.0), (2_000_000, 4.0))),

@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from ..config import RunConfig
-from ..errors import ConfigError, EurekaError, Interrupted
+from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..parsing import short_path, whole_path
 from ..report import html
 from ..report.build import build
 from ..runs import compose, program
 from ..runs.stopping import stopped
-from ..store import artifacts
+from ..store import artifacts, read_config
 from ..store.directory import OUTPUTS
+from ..store.store import expect_same
 from ..tasks.registry import get
 from . import figures
-from .plan import Cell, Plan, expect_more, load, plan
+from .plan import Cell, Plan, load, plan
 from .table import Comparison, Row, Total
 
-PLAN = "plan.json"
 JSON = "bench.json"
 PAGE = "bench.html"
 
@@ -94,7 +94,8 @@ def bench(
         on_event: called with every `Event` of every search; `Started` says which one begins.
 
     Raises:
-        ConfigError: for a plan that does not fit, also where `dir` has a bench with another one.
+        ConfigError: for a plan that does not fit.
+        StoreError: where a cell in `dir` began with other settings.
     """
     read, directory = opened(plan, dir)
     found: list[Bench] = []
@@ -137,7 +138,8 @@ def run(
     for task in plan.tasks:
         get(task)
     configs = {cell: compose.admitted(plan.config(cell), plan.typed(cell)) for cell in plan.cells()}
-    _keep(plan, directory)
+    _expect_room(directory)
+    _expect_as_begun(directory, configs)
     try:
         _cells(plan, directory, configs, host, tell, say)
     except KeyboardInterrupt:  # between two searches
@@ -189,15 +191,28 @@ def _finish(
         say(problem)
 
 
-def _keep(plan: Plan, directory: Path) -> None:
-    """The plan is kept for the next one, which may add to it."""
-    kept = artifacts.read(directory, PLAN) if directory.is_dir() else None
-    if kept is not None:
-        expect_more(kept, plan, directory)
-    elif directory.exists() and (not directory.is_dir() or any(p.name[0] != "." for p in directory.iterdir())):
+def _expect_room(directory: Path) -> None:
+    if directory.is_dir():
         # Names that begin with a dot are what a killed writer left.
-        raise ConfigError(f"{directory} is not empty and has no bench; name another dir=.")
-    artifacts.write(directory, PLAN, plan.as_json())
+        taken = not artifacts.exists(directory, JSON) and any(p.name[0] != "." for p in directory.iterdir())
+    else:
+        taken = directory.exists()
+    if taken:
+        raise ConfigError(f"{short_path(directory)} is not empty and has no bench; name another dir=.")
+
+
+def _expect_as_begun(directory: Path, configs: Mapping[Cell, RunConfig]) -> None:
+    """Refuse other settings of a cell before the first one runs, which may take days."""
+    for cell, config in configs.items():
+        place = directory / cell.name
+        try:
+            old = read_config(place)
+        except StoreError:  # there is none, or it cannot be read, which is no matter of the others
+            continue
+        try:
+            expect_same(place, old, compose.as_begun(config, old))
+        except StoreError as error:
+            raise StoreError(f"{error} To begin this cell anew, delete its folder.") from None
 
 
 def _renew(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,10 +11,10 @@ from typing import Any
 
 import yaml
 
-from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig, short_name
+from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
 from ..method.lanes import unused_seed
-from ..parsing import absolute, parse, read_yaml, restored, taken
+from ..parsing import absolute, parse, plain_number, read_yaml, taken
 
 Settings = Mapping[str, Any]
 """Values of `RunConfig` fields by name."""
@@ -55,7 +53,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         _listed("tasks", self.tasks, str)
-        _listed("seeds", self.seeds, int)
+        object.__setattr__(self, "seeds", tuple(_listed("seeds", self.seeds, int)))  # may be NumPy's
         for where, named in (("arms", self.arms), ("per_task", self.per_task)):
             for name, settings in _expect_named(where, named).items():
                 _expect_settings(f"{where}.{name}", settings)
@@ -100,17 +98,12 @@ class Plan:
         except ConfigError as error:
             raise ConfigError(f"In the cell {cell.name}: {error}") from None
 
-    def as_json(self) -> str:
-        """For `kept`."""
-        cells = [(cell.task, cell.arm, cell.seed, dataclasses.asdict(self.config(cell))) for cell in self.cells()]
-        return json.dumps({"cells": cells}, indent=1) + "\n"
-
 
 # --- from YAML, or from Python ---------------------------------------------------------------------------------------
 
 
 class _Loader(yaml.SafeLoader):
-    """One that does not let the second of two equal keys win."""
+    """One that does not let the second of two equal keys win, and takes no number for another."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         named = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
@@ -118,6 +111,16 @@ class _Loader(yaml.SafeLoader):
         if twice := [key for key in keys if keys.count(key) > 1]:
             raise yaml.constructor.ConstructorError(None, None, f"`{twice[0]}` stands there twice", node.start_mark)
         return super().construct_mapping(node, deep)
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        number = super().construct_yaml_int(node)
+        if re.fullmatch(r"[-+]?0[0-9_]+", node.value):
+            says = f"`{node.value}` means {number} there: leave out the zero that it begins with"
+            raise yaml.constructor.ConstructorError(None, None, says, node.start_mark)
+        return number
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 
 def load(path: Path) -> Plan:
@@ -159,17 +162,20 @@ def plan(found: object, folder: Path | None = None) -> Plan:
 
 
 def _listed(key: str, value: object, kind: type) -> list[Any]:
-    if not isinstance(value, (list, tuple)) or any(type(item) is not kind for item in value):
+    items = [plain_number(item) for item in value] if isinstance(value, (list, tuple, range)) else None
+    if items is None or any(type(item) is not kind for item in items):
         wanted = "names" if kind is str else "whole numbers"
         raise ConfigError(f"`{key}` is a list of {wanted}, not `{value!s:.60}`.")
-    if kind is int and any(item < 0 for item in value):
+    if kind is int and any(item < 0 for item in items):
         raise ConfigError(f"`{key}` are zero or more.")
-    return list(value)
+    return items
 
 
 def _expect_named(key: str, value: object) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping) or any(type(name) is not str for name in value):
+    if not isinstance(value, Mapping):
         raise ConfigError(f"`{key}` is a mapping of names to settings, such as `{{short: {{steps: 10000}}}}`.")
+    if other := [name for name in value if type(name) is not str]:
+        raise ConfigError(f"`{key}` has the name `{other[0]!s:.60}`, which is no text: put it in quotes.")
     return value
 
 
@@ -193,6 +199,7 @@ def _settings(where: str, value: object, folder: Path) -> Settings:
         return {}
     value, words = _expect_settings(where, value), list[str]()
     for key, given in value.items():
+        given = plain_number(given)
         if not isinstance(given, (str, int, float, Path)):
             raise ConfigError(f"`{where}` sets `{key}` to `{given!s:.60}`; a setting takes a text or a number.")
         text = f"{given:.0f}" if isinstance(given, float) and given.is_integer() else str(given)
@@ -204,38 +211,3 @@ def _settings(where: str, value: object, folder: Path) -> Settings:
     if "model" in value and read.model == NO_MODEL:
         raise ConfigError(f"`{where}` sets model={NO_MODEL}, and a bench compares searches.")
     return {str(key): getattr(read, str(key)) for key in value}
-
-
-# --- what a directory holds of an earlier plan -----------------------------------------------------------------------
-
-
-def expect_more(kept: bytes, wanted: Plan, directory: Path) -> None:
-    """Refuse a plan that lacks cells of the one that was kept (see `Plan.as_json`), or has others in their place.
-
-    Raises:
-        ConfigError: for such a plan, or where what was kept is no plan.
-    """
-    new = {cell.name: cell for cell in wanted.cells()}
-    for cell, before in _cells(kept, directory).items():
-        if cell.name not in new:
-            raise ConfigError(
-                f"{directory} has a bench with {cell.name}, which the plan lacks: it may add tasks, arms and seeds; "
-                "name another dir= for less."
-            )
-        now = dataclasses.asdict(wanted.config(new[cell.name]))
-        for key, value in dataclasses.asdict(before).items():
-            if key not in FREE_TO_CHANGE and now[key] != value:
-                raise ConfigError(
-                    f"{directory} has a bench whose {cell.name} has {key}={value}, not {now[key]}: leave it so, or "
-                    "name another dir=."
-                )
-
-
-def _cells(kept: bytes, directory: Path) -> dict[Cell, RunConfig]:
-    try:
-        return {
-            Cell(str(task), str(arm), int(seed)): dataclasses.replace(restored(RunConfig, config), dir="")
-            for task, arm, seed, config in json.loads(kept)["cells"]
-        }
-    except (ValueError, TypeError, KeyError, RecursionError, ConfigError):
-        raise ConfigError(f"{directory} has a plan.json that no bench wrote; name another dir=.") from None

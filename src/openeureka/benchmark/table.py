@@ -158,6 +158,9 @@ class Comparison:
         claims = len(self.plan.arms) - 1
         together = f", which hold for all {claims} arms together" if claims > 1 else ""
         paired = f" Differences are paired by seed{together}." if claims else ""
+        scored = {result.arm for result in self.results if result.held_out is not None}
+        if scored and self._first not in scored:
+            paired = f" Nothing is compared, as the first arm, {self._first}, has no F held out."
         return (
             "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
             "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one, or -1 where that is "

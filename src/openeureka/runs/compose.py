@@ -100,6 +100,11 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
     return config
 
 
+def as_begun(config: RunConfig, old: RunConfig) -> RunConfig:
+    """Settings for a search that began with others: where they name no sizes, it keeps its own."""
+    return replace(config, sample=config.sample or old.sample, iteration=config.iteration or old.iteration)
+
+
 def stored(directory: Path) -> RunConfig:
     """The settings of a run that is continued. That programs need no sandbox is never taken from a store."""
     return replace(read_config(directory), unsafe_no_sandbox=False)
@@ -163,8 +168,7 @@ def _prepared(
     trainer = trainer_of(config, directory)
     with closing(priced(model, config) if model is not None else _model(config, directory)) as model:
         if begun:  # its model may be its own replies now, which do not say in which style they were asked
-            old = read_config(directory)
-            config = replace(config, sample=config.sample or old.sample, iteration=config.iteration or old.iteration)
+            config = as_begun(config, read_config(directory))
         config = strategies.sized(config, model.style)
         strategy = strategies.make(config)  # refuses what is none
         expect_free(directory, config)
