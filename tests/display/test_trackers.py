@@ -17,7 +17,7 @@ from tensorboard.compat.tensorflow_stub.errors import DataLossError
 from openeureka.config import RunConfig
 from openeureka.display import tensorboard, trackers
 from openeureka.errors import ConfigError
-from openeureka.events import everyone
+from openeureka.events import Began, everyone
 from openeureka.film.mp4 import encode
 from openeureka.report.view import VIDEO
 from openeureka.testing.scripted import reply
@@ -40,7 +40,6 @@ class FakeWandb(ModuleType):
     def __init__(self) -> None:
         super().__init__("wandb")
         self.calls: list[tuple[str, Any]] = []
-        self.util = SimpleNamespace(generate_id=lambda: "abc")
         self.Table = lambda columns, data: ("table", data[0][0])
         self.Video = lambda path, format: ("video", Path(path).read_bytes()[4:8])
         self.summary: dict[str, float] = {}
@@ -66,7 +65,7 @@ def test_wandb_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch:
     kinds = [kind for kind, _ in fake.calls]
     assert kinds[0] == "init" and kinds[-1] == "finish" and kinds.count("init") == 1
     settings = fake.calls[0][1]
-    assert settings["name"] == "run" and settings["config"]["sample"] == 2 and settings["id"] == "abc"
+    assert settings["name"] == "run" and settings["config"]["sample"] == 2 and settings["id"] is None
     told = {name: value for kind, values in fake.calls if kind == "log" for name, value in values.items()}
     assert "return 7" in told["programs/g0s0"][1]
     assert any(name.endswith("/fitness") and isinstance(value, float) for name, value in told.items())
@@ -74,7 +73,7 @@ def test_wandb_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch:
     assert fake.summary["held-out F"] > 0
     with trackers.mirrored(tmp_path / "run", RunConfig(env="toy", log="wandb")) as (again,):
         again._tell("numbers", {"x": 1.0}, 0)
-    assert [values["id"] for kind, values in fake.calls if kind == "init"] == ["abc", "abc"]  # goes on there
+    assert [values["id"] for kind, values in fake.calls if kind == "init"] == [None, "abc"]  # goes on there
 
 
 def test_a_run_that_goes_on_tells_no_generation_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -136,6 +135,20 @@ def test_a_tracker_that_fails_ends_its_mirror_and_not_the_run(
     mirror(tmp_path / "run", "wandb")
     assert capsys.readouterr().out == "log=wandb hears no more of this run: division by zero\n"
     assert [kind for kind, _ in fake.calls] == ["init", "finish"], "the next run begins one of its own"
+
+
+@pytest.mark.parametrize("log", ["wandb", "mlflow"])
+def test_a_tracker_that_cannot_open_says_so_before_anything_trains(
+    log: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setitem(sys.modules, log, ModuleType(log))
+    with trackers.mirrored(tmp_path, RunConfig(env="toy", log=log)) as (told,):
+        told(Began("train"))
+        said = capsys.readouterr().out
+        assert said.startswith(f"log={log} hears nothing of this run") and f"module '{log}' has no attribute" in said
+        assert ("MLFLOW_TRACKING_URI has to name a server" in said) == (log == "mlflow")
+        told._tell("numbers", {"x": 1.0}, 0)
+    assert capsys.readouterr().out == ""
 
 
 def test_wandb_goes_on_with_the_run_that_it_says_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -44,13 +44,12 @@ class Wandb:
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
         self._wandb = _imported("wandb")
-        known = _remembered(directory, "wandb") or self._wandb.util.generate_id()
         self._run = self._wandb.init(
             project="openeureka",
             name=directory.name,
             dir=str(directory),
             config=asdict(config),
-            id=known,
+            id=_remembered(directory, "wandb"),
             resume="allow",
         )
         _remember(directory, "wandb", self._run.id)
@@ -111,6 +110,9 @@ TRACKERS: Mapping[str, Callable[[Path, RunConfig], Tracker]] = {
 }
 
 
+_ADVICE = {"mlflow": "; MLFLOW_TRACKING_URI has to name a server, as the small package of MLflow has no store"}
+
+
 class Mirror:
     """Tells a tracker what a run finishes."""
 
@@ -123,6 +125,7 @@ class Mirror:
         match event:
             case Began():
                 self._under_way = True
+                self._open()  # before anything trains: whoever wants a mirror learns now that there is none
             case TrainingResult():
                 self._curves(event)
             case Generation() if self._under_way:  # a run that goes on begins with what the tracker was told before
@@ -157,20 +160,29 @@ class Mirror:
         if self._tracker is not None:
             self._tell("close")
 
+    def _open(self) -> None:
+        if not self._begun:
+            self._begun = True
+            try:
+                self._tracker = TRACKERS[self._name](self._directory, self._config)
+            except Exception as error:
+                self._say(f"hears nothing of this run{_ADVICE.get(self._name, '')}", error)
+
     def _tell(self, verb: str, *said: object) -> None:
         """Whatever a stranger's library raises ends the mirror and not the run."""
+        self._open()
         try:
-            if not self._begun:
-                self._begun = True
-                self._tracker = TRACKERS[self._name](self._directory, self._config)
             if self._tracker is not None:
                 getattr(self._tracker, verb)(*said)
         except Exception as error:
             failed, self._tracker = self._tracker, None
-            print(f"log={self._name} hears no more of this run: {plain(str(error))[:300]}", flush=True)
+            self._say("hears no more of this run", error)
             if failed is not None and verb != "close":
                 with suppress(Exception):  # open, it would hear what the next run of this process says
                     failed.close()
+
+    def _say(self, what: str, error: Exception) -> None:
+        print(f"log={self._name} {what}: {plain(str(error)).strip()[:300]}", flush=True)
 
 
 @contextmanager
