@@ -25,8 +25,8 @@ from openeureka.film.stage import Stage
 from openeureka.tasks import registry
 
 OUT = Path(__file__).parents[1] / "docs" / "images" / "tasks.png"
-COLUMNS = 5
-WIDTH, HEIGHT, CAPTION, FONT = 384, 216, 38, 28  # [pixels] of a tile's picture, the line below it and its letters
+COLUMNS = 7
+WIDTH, HEIGHT, CAPTION, FONT = 272, 153, 34, 25  # [pixels] of a tile's picture, the line below it and its letters
 HAND = "shadow_hand_"
 """What most tasks are called first; a caption that people read at half its size has no room for it."""
 OVERSAMPLING = 2

@@ -8,6 +8,7 @@ import yaml
 
 from ..config import RunConfig
 from ..errors import ConfigError
+from ..parsing import short_path
 from ..store import artifacts
 
 NAMED = ("curriculum", "randomise")
@@ -32,7 +33,8 @@ def keep(config: RunConfig, directory: Path) -> None:
             artifacts.write(directory, copy, text)
         elif before != text and _said(before) != _said(text):
             raise ConfigError(
-                f"{path} is not what it was when the run began: copy {directory / copy} over it, or begin another run."
+                f"{short_path(Path(path))} is not what it was when the run began: "
+                f"copy {short_path(directory / copy)} over it, or begin another run."
             )
 
 

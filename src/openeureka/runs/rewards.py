@@ -11,6 +11,7 @@ from pathlib import Path
 from ..config import AS_TRAINED, TrainConfig, TuneConfig, short_name
 from ..errors import ConfigError, RewardFileError
 from ..method.given import Given
+from ..parsing import short_path
 from ..reward import extract
 from ..reward.weights import weights
 from ..sandbox.client import Sandbox
@@ -124,14 +125,14 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
     env = read_config(directory).env
     if _kind(env) != _kind(config.env):
         raise ConfigError(
-            f"{directory} is a run of {short_name(env)}; add env={env}, or name its file: "
-            f"reward={directory / 'best' / 'reward.py'}."
+            f"{short_path(directory)} is a run of {short_name(env)}; add env={env}, or name its file: "
+            f"reward={short_path(directory / 'best' / 'reward.py')}."
         )
     program = artifacts.read(directory, "best/reward.py")
     if program is None:
         raise RewardFileError(
-            f"There is no program in {directory}/best: its best reward came with the task, or nothing is trained yet. "
-            "Name a file, or reward=human."
+            f"There is no program in {short_path(directory)}/best: its best reward came with the task, or nothing is "
+            "trained yet. Name a file, or reward=human."
         )
     return extract.in_text(program.decode(errors="replace"))
 

@@ -178,7 +178,7 @@ def _folder_of(directory: Path, name: str, *, make: bool = False) -> Generator[t
     """
     *parts, last = PurePosixPath(name).parts or ("",)
     if last in ("", "..") or ".." in parts or name.startswith("/") or "\0" in name:
-        raise StoreError(f"`{name:.80}` is no name of a file in {directory}.")
+        raise StoreError(f"`{name:.80}` is no name of a file in {short_path(directory)}.")
     if make:
         directory.mkdir(parents=True, exist_ok=True)
     folder = os.open(directory, _FOLDER)
@@ -207,6 +207,6 @@ def _is_link(error: OSError) -> bool:
 
 def _odd(directory: Path, name: str) -> str:
     return (
-        f"{directory / name} is a link, or no regular file: a run has none. Nothing was written; delete it, or choose "
-        "another dir=."
+        f"{short_path(directory / name)} is a link, or no regular file: a run has none. Nothing was written; "
+        "delete it, or choose another dir=."
     )

@@ -127,7 +127,7 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
         if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
             raise StoreError(
-                f"{file} is a link, or no regular file: a run has none; delete it, or choose another dir=."
+                f"{short_path(file)} is a link, or no regular file: a run has none; delete it, or choose another dir=."
             )
     if not writable and not os.access(directory, os.W_OK):
         # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
@@ -137,7 +137,7 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
         if not index.exists():
             raise StoreError(
                 f"{waiting} holds the last rows of a run that was killed, and cannot be read where nothing can be "
-                f"written; copy {directory}, and look at the copy."
+                f"written; copy {short_path(directory)}, and look at the copy."
             )
     return sqlite3.connect(path, isolation_level=None, timeout=30.0)
 
@@ -188,7 +188,7 @@ def at_work(directory: Path) -> StoreError:
 
 def changed_row(directory: Path, why: object) -> StoreError:
     """For a row that no run has written."""
-    what = f"{directory / FILENAME} holds a row that was changed ({why!s:.80})"
+    what = f"{short_path(directory / FILENAME)} holds a row that was changed ({why!s:.80})"
     return StoreError(f"{what}; restore the file from a copy or choose another dir=.")
 
 
@@ -219,20 +219,22 @@ class Database:
         with self.moment():  # another process may be migrating
             schema, objects = self._schema(), _objects(self._connection)
         if schema > len(MIGRATIONS):
-            raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
+            raise StoreError(
+                f"{short_path(self.directory)} was written by a newer openeureka; install that version to open it."
+            )
         if 0 < schema < OLDEST:
             raise StoreError(
-                f"{self.directory} was written by an openeureka that is too old for this one; "
+                f"{short_path(self.directory)} was written by an openeureka that is too old for this one; "
                 "begin anew in another dir=."
             )
         if schema < 0 or objects != _layout(tuple(MIGRATIONS[:schema]))[0]:
             raise StoreError(
-                f"{self.directory / FILENAME} has other tables than openeureka makes, so nothing in it is used; "
-                "restore it from a copy or choose another dir=."
+                f"{short_path(self.directory / FILENAME)} has other tables than openeureka makes, so nothing in it "
+                "is used; restore it from a copy or choose another dir=."
             )
         if not writable:
             if schema == 0:
-                raise NotBegun(f"{self.directory} holds a run that never began; {AGAIN}")
+                raise NotBegun(f"{short_path(self.directory)} holds a run that never began; {AGAIN}")
             if schema < len(MIGRATIONS):
                 self._to_memory()
                 self._migrate()

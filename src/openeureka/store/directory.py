@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..config import RunConfig, short_name
 from ..errors import FeedbackError, NotBegun, StoreError
-from ..parsing import whole_path
+from ..parsing import short_path, whole_path
 from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
 from .db import FILENAME, STOP, at_work, explained
@@ -206,9 +206,9 @@ def ask_to_stop(directory: Path | str) -> None:
     """
     directory = Path(directory)
     if not is_run(directory):
-        raise StoreError(f"{directory} is not a run; name the directory that `eureka run` printed.")
+        raise StoreError(f"{short_path(directory)} is not a run; name the directory that `eureka run` printed.")
     if not is_held(directory):
-        raise StoreError(f"Nobody works on {directory}, so there is nothing to stop.")
+        raise StoreError(f"Nobody works on {short_path(directory)}, so there is nothing to stop.")
     with explained(directory):
         artifacts.appended(directory, STOP).close()
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from ..errors import StoreError
+from ..parsing import short_path
 from ..text import one_line
 from . import artifacts
 from .db import LOCK, at_work, explained
@@ -77,8 +78,8 @@ def expect_near(directory: Path) -> None:
         own = _boot()
         if boot and own and boot != own and is_held(directory):
             raise StoreError(
-                f"{directory} is at work on {one_line(host)}, and its rows can be opened on that machine alone: open "
-                "it there, or when the run has stopped."
+                f"{short_path(directory)} is at work on {one_line(host)}, and its rows can be opened on that machine "
+                "alone: open it there, or when the run has stopped."
             )
 
 

@@ -124,7 +124,7 @@ class Store:
         """
         directory = Path(directory)
         if not os.path.isfile(directory / FILENAME):
-            raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
+            raise NotBegun(f"{short_path(directory)} is not a run: {_missing(directory)}.")
         expect_near(directory)
         return cls(directory, Database(directory, writable=False), None)
 
@@ -170,8 +170,8 @@ class Store:
         if self._database.row("run") is None:
             if artifacts.is_foreign(self.directory):
                 raise StoreError(
-                    f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
-                    "-wal file beside it, or choose another dir=."
+                    f"{short_path(self.directory)} has files of a run whose {FILENAME} is gone; restore it from a "
+                    "copy, with the -wal file beside it, or choose another dir=."
                 )
             row = {"id": 1, "config": json.dumps(asdict(config)), "version": __version__, "ranks": ranks}
             self._database.put("run", row)
@@ -183,13 +183,14 @@ class Store:
         """The settings that the run began with."""
         row = self._database.row("run")
         if row is None:
-            raise NotBegun(f"{self.directory} holds a run that never began; {AGAIN}")
+            raise NotBegun(f"{short_path(self.directory)} holds a run that never began; {AGAIN}")
         try:
             return self._database.decoded(_restored, row["config"])
         except ConfigError:
             version = row["version"]
             raise StoreError(
-                f"{self.directory} has settings unknown to this openeureka; install {version:.40} to open it."
+                f"{short_path(self.directory)} has settings unknown to this openeureka; "
+                f"install {version:.40} to open it."
             ) from None
 
     @property
