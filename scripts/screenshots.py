@@ -9,6 +9,7 @@ With --all the folder that holds the run is what the list and the comparison sho
 from __future__ import annotations
 
 import argparse
+import lzma
 import os
 import re
 import shutil
@@ -16,7 +17,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -26,9 +27,11 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from openeureka.report.view import RunView
 from openeureka.store import is_run
+from openeureka.store.db import FILENAME
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 REPLIES = IMAGES.parents[1] / "benchmarks" / "choosing" / "ballbalance.json"
+ARCHIVE = IMAGES.parents[1] / "benchmarks" / "headline"
 EUREKA = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = [
     "env=ballbalance",
@@ -39,10 +42,18 @@ SEARCH = [
     "seeds=3",
     "video=all",
 ]
-SIZE = ViewportSize(width=1280, height=1400)
-SHOWN = ("runs", "run", "candidates", "report")
-"""What the docs show."""
+ROWS = ("ant", "cartpole", "franka_cabinet", "humanoid", "quadcopter", "shadow_hand_over", "shadow_hand_switch")
+"""Of the table, which the list shows beside the run that is made."""
+SHOWN = {"runs": 560, "run": 1400, "candidates": 1400, "report": 1400}
+"""What the docs show, and how much of it [pixels]."""
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
+
+
+def unpack(rows: Iterable[str], folder: Path) -> None:
+    """Archived runs of the table, without their policies."""
+    for name in rows:
+        (folder / name).mkdir()
+        (folder / name / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{name}.sqlite.xz").read_bytes()))
 
 
 @contextmanager
@@ -97,16 +108,18 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         run = options.run or Path(folder) / "ballbalance"
         if not run.exists():
+            unpack(ROWS, run.parent)
             subprocess.run([*EUREKA, "run", *SEARCH, f"dir={run}"], check=True)
         with (
             playwright.chromium.launch(executable_path=path, args=words) as browser,
             served(run.parent) as entrance,
         ):
-            page = browser.new_page(viewport=SIZE)
+            page = browser.new_page()
             page.goto(entrance)
             found = addresses(run, re.sub(r"//\S+@", "//", entrance.removesuffix("open")))
             if options.all is None:
-                for name in SHOWN:
+                for name, height in SHOWN.items():
+                    page.set_viewport_size(ViewportSize(width=1280, height=height))
                     shoot(page, found[name], IMAGES / f"{name}.png", whole=False)
                 return
             options.all.mkdir(parents=True, exist_ok=True)
