@@ -24,7 +24,7 @@ from records import OUTPUTS, Record, command_line, machine, read, results, thinn
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
 from openeureka.reward import extract
-from openeureka.runs.compose import trainer_of
+from openeureka.runs.trainers import trainer_of
 from openeureka.stats import mean
 from openeureka.store import StageFiles
 from openeureka.suite.dexterity.pen_in_hand import CYCLE

@@ -18,7 +18,7 @@ from openeureka.config import RobustConfig, RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, RewardFileError, StoreError
 from openeureka.film import mp4, video
 from openeureka.method import baselines
-from openeureka.runs import compose, rewards
+from openeureka.runs import compose, rewards, trainers
 from openeureka.store import Store, read_replies
 from openeureka.store.directory import ask_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
@@ -397,7 +397,7 @@ def test_so_are_those_of_what_follows_a_search_and_of_stages(tmp_path, monkeypat
     if "curriculum" in settings:
         settings = {**settings, "curriculum": str(tmp_path / "stages.yaml")}
     with pytest.raises(ConfigError, match=sentence):
-        compose.trainer_of(RunConfig(env="cartpole", worlds=16, **settings), tmp_path)
+        trainers.trainer_of(RunConfig(env="cartpole", worlds=16, **settings), tmp_path)
 
 
 def test_so_are_those_of_robust_policies(tmp_path, monkeypatch):

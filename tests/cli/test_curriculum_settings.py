@@ -10,7 +10,7 @@ from toys import ToySandbox
 from openeureka.cli import main as command
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.runs import compose
+from openeureka.runs import compose, trainers
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
 EASY, LAST = "cartpole+episode_length=100", "cartpole"
@@ -143,6 +143,6 @@ def test_stages_of_which_a_policy_would_not_see_the_same_are_refused(tmp_path: P
     )
     (tmp_path / "stages.yaml").write_text("- {env: 'other.py:Sighted'}\n- {}\n")
     config = RunConfig(env="anymal", curriculum=str(tmp_path / "stages.yaml"))
-    compose.trainer_of(config, tmp_path)
+    trainers.trainer_of(config, tmp_path)
     with pytest.raises(ConfigError, match="differ in what a sensor tells: leave observe=measurable out"):
-        compose.trainer_of(replace(config, observe="measurable"), tmp_path)
+        trainers.trainer_of(replace(config, observe="measurable"), tmp_path)

@@ -80,7 +80,6 @@ SELECT
             SELECT AVG(fitness) AS fitness FROM judged WHERE NOT EXISTS (SELECT 1 FROM entries) GROUP BY reward))
     ) AS held_out,
     (SELECT AVG(fitness) FROM judged WHERE reward = 'human') AS human,
-    (SELECT AVG(fitness) FROM judged WHERE reward = 'sparse') AS sparse,
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
     CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens
@@ -336,7 +335,7 @@ class Database:
         """Counts and sums over the run, without its texts and curves."""
         with explained(self.directory):
             row = self._connection.execute(_GLANCE).fetchone()
-        for name in ("fitness", "held_out", "human", "sparse"):
+        for name in ("fitness", "held_out", "human"):
             if not _fits(name, "REAL", row[name], True):
                 raise changed_row(self.directory, f"{row[name]!r:.40} is no F")
         return row

@@ -317,7 +317,6 @@ class Store:
             trainings=row["trainings"],
             held_out=row["held_out"],
             human=row["human"],
-            sparse=row["sparse"],
             usage=decode_usage(row),
         )
 

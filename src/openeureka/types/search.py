@@ -274,6 +274,5 @@ class Glance:
     """F of the best reward in its final trainings, held out, mean over seeds, where none was searched for of the best
     given one; None before they are judged."""
     human: float | None
-    sparse: float | None
-    """The same of the rewards that come with the task, where the run trained them."""
+    """The same of the human reward, where the run trained it."""
     usage: Usage

@@ -1,0 +1,65 @@
+"""What trains the lanes of a run, as its settings say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..config import RunConfig
+from ..errors import ConfigError
+from ..executors import EXECUTORS
+from ..store import StageFiles
+from ..tasks import curriculum, ranges
+from ..tasks.registry import get
+from ..tasks.task import Stage
+from ..training.curriculum import CurriculumTrainer, shares
+from ..types import Trainer
+
+MOST_EPOCHS = 100_000
+"""Of a training: its curves are stored whole, in a row of at most 64 MiB."""
+
+
+def trainer_of(config: RunConfig, directory: Path) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
+
+    Raises:
+        ConfigError: for an executor, a device, a curriculum or ranges that do not exist or do not fit.
+    """
+    if config.address and config.executor == "local":
+        raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
+    expect_storable(config, config.env, config.steps, "steps=")
+    if config.polish_steps:
+        expect_storable(config, config.env, config.polish_steps, "polish_steps=")
+    ranges.find(config.env, config.randomise)  # refuses what does not fit
+    if config.observe != "all" and not (task := get(config.env)).unmeasured:
+        raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
+    stages = _stages(config) if config.curriculum else ()
+    options: dict[str, object] = {"device": config.device, "threads": config.threads}
+    options |= {"snapshots": directory / "snapshots"}
+    options |= {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)  # last: it may start what runs on
+    return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
+
+
+def _stages(config: RunConfig) -> tuple[Stage, ...]:
+    """Those of the curriculum. Raises ConfigError where they cannot train with the other settings."""
+    stages = curriculum.find(config.env, config.curriculum)
+    if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
+        raise ConfigError(
+            f"The stages of `{config.curriculum}` differ in what a sensor tells: leave observe=measurable out, or give "
+            "all of their tasks the same `unmeasured`."
+        )
+    for stage, steps in zip(stages, shares(stages, config.steps), strict=True):
+        expect_storable(config, stage.env, steps, "steps= or `steps:` of its stage")
+    return stages
+
+
+def expect_storable(config: RunConfig, env: str, steps: int, said: str) -> None:
+    """A result has a value of each curve and epoch."""
+    recipe = get(env).recipe
+    steps, worlds = steps or recipe.env_steps, config.worlds or recipe.worlds
+    epochs = steps // (worlds * recipe.horizon)
+    if epochs > MOST_EPOCHS:
+        raise ConfigError(
+            f"{steps:,} steps in {worlds} worlds are {epochs:,} epochs, and a training has at most {MOST_EPOCHS:,}; "
+            f"take more worlds= or fewer {said}."
+        )
