@@ -12,6 +12,7 @@ that chose neither. Runs are under `outputs/longer/`; the store of each is kept 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import fresh
 import headline
@@ -33,14 +34,14 @@ TITLES = (
 )
 
 
-def measure(whole: Plan, env: str) -> Record:
+def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
-    store, row = headline.search(whole, env, OUTPUTS / "longer" / env)
-    headline.put_away(store, ARCHIVE, env)
-    run = headline.archive(env, ARCHIVE)
+    store, row = headline.search(whole, env, OUTPUTS / archive.name / env)
+    headline.put_away(store, archive, env)
+    run = headline.archive(env, archive)
     assert run.best is not None
     rewards = ["human", run.best.program.source]
-    trained = fresh.trained(run.config, rewards, OUTPUTS / "longer_confirmed" / env, SEEDS)
+    trained = fresh.trained(run.config, rewards, OUTPUTS / f"{archive.name}_confirmed" / env, SEEDS)
     return row | {"confirmed": headline.look(trained, *trained.scores)}
 
 
@@ -49,9 +50,9 @@ def left(measured: Mapping[str, Record]) -> list[str]:
     return [env for env in load(PLAN).tasks if env not in measured]
 
 
-def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row a task: what decides its row of the table, and what a longer search found. Intervals hold together."""
-    known, tasks, found = read(headline.RESULTS), load(PLAN).tasks, list[list[str]]()
+def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
+    """A row a task: what decides its row of the table, and what the later search found. Intervals hold together."""
+    known, tasks, found = read(headline.RESULTS), load(plan).tasks, list[list[str]]()
     for env in (env for env in tasks if env in measured):
         first, later = headline.decided(known[env]), headline.decided(measured[env])
         later |= {"difference": fresh.between(later["human"], later["generated"], claims=len(tasks)), "confirmed": None}
@@ -62,12 +63,15 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 
 
 def summary(measured: Mapping[str, Record]) -> str:
-    """How many are at or above the human reward now."""
-    if not measured:
-        return "No search is finished yet."
+    """How many are at or above the human reward now; nothing before one is measured."""
+    return f"After three generations {reached(measured)}" if measured else ""
+
+
+def reached(measured: Mapping[str, Record]) -> str:
+    """How many of the later searches are at or above the human reward: the end of a sentence."""
     decisive = [headline.decided(row) for row in measured.values()]
-    reached = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
-    return f"After three generations {reached} of {len(decisive)} are at or above the human reward."
+    above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
+    return f"{above} of {len(decisive)} are at or above the human reward."
 
 
 if __name__ == "__main__":

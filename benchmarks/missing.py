@@ -21,6 +21,7 @@ import greedy
 import headline
 import longer
 import measurable
+import mended
 import polish
 import progress
 import prompts
@@ -37,6 +38,7 @@ def left() -> Iterator[list[str]]:
     known = read(headline.RESULTS)
     yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
     yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
+    yield from (["mended.py", "--env", env] for env in mended.left(read(mended.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))
     yield from (["claims.py", "--env", env, "--groups", group] for env, group in claims.left(read(claims.RESULTS)))
     known = read(tune.RESULTS)

@@ -37,6 +37,7 @@ import headline
 import longer
 import make_run
 import measurable
+import mended
 import noise
 import polish
 import predictors
@@ -152,6 +153,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
         "docs/reference/headline.md": {
             "headline": f"{_summary_of(headline)}\n{_rows(headline)}\n{headline.measured_on(read(headline.RESULTS))}\n",
             "longer": f"{_summary_of(longer)}\n{_rows(longer)}",
+            "mended": f"{_summary_of(mended)}\n{_rows(mended)}",
             "greedy": f"{_summary_of(greedy)}\n{_table(greedy.TITLES, greedy.rows(read(greedy.RESULTS)))}",
             "claims": f"{_rows(claims, claims.answers, claims.ANSWERS)}\n{_rows(claims)}",
             "words": _rows(words),

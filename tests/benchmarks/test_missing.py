@@ -12,6 +12,7 @@ import greedy
 import headline
 import longer
 import measurable
+import mended
 import missing
 import polish
 import progress
@@ -21,16 +22,16 @@ import tune
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (claims, greedy, headline, longer, measurable, polish, progress, prompts, tune):
+    for script in (claims, greedy, headline, longer, measurable, mended, polish, progress, prompts, tune):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of polish, a
+    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 mended, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of polish, a
     # folder of rewards of progress, 3 x 2 of prompts
-    assert len(commands) == 3 + 31 + 4 + 15 + 6 + 4 + 3 + len(progress.tasks()) + 6
+    assert len(commands) == 3 + 31 + 4 + 3 + 15 + 6 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 
 

@@ -1,0 +1,51 @@
+"""Three prompts told the model something wrong: what does it write when they say it right? docs/reference/headline.md.
+
+    python benchmarks/mended.py              # what is missing of benchmarks/plans/mended.yaml; about three hours
+    python benchmarks/mended.py --env ant    # one task
+
+Eight new replies, as in the table one generation of them. The reward that wins and the human one then train with nine
+seeds that chose neither. All three tasks are asked again, however their row of the table ended. Runs are under
+`outputs/mended/`; the store of each is kept in `benchmarks/mended/TASK.sqlite.xz`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import longer
+from records import FOLDER, Record, command_line, keep, read, results
+
+from openeureka.benchmark.plan import load
+
+PLAN = FOLDER / "plans" / "mended.yaml"
+ARCHIVE = FOLDER / "mended"
+RESULTS = results("mended")
+TITLES = (
+    *("task", "wrong prompt, F held out", "human", "mended prompt", "human"),
+    *("difference, 95 % interval", "the later one is", "crowned"),
+)
+
+
+def left(measured: Mapping[str, Record]) -> list[str]:
+    """The tasks that are not measured."""
+    return [env for env in load(PLAN).tasks if env not in measured]
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """As `longer.rows`."""
+    return longer.rows(measured, PLAN)
+
+
+def summary(measured: Mapping[str, Record]) -> str:
+    """How many are at or above the human reward now; nothing before one is measured."""
+    return f"With the mended prompts {longer.reached(measured)}" if measured else ""
+
+
+if __name__ == "__main__":
+    parser = command_line(__doc__)
+    parser.add_argument("--env", nargs="+", choices=load(PLAN).tasks)
+    options = parser.parse_args()
+    for env in options.env or left(read(RESULTS)):
+        if env in left(read(RESULTS)):
+            keep(RESULTS, env, longer.measure(load(PLAN), env, ARCHIVE))
+    print(summary(read(RESULTS)))
