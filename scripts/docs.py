@@ -47,6 +47,7 @@ import reachable
 import robust
 import rungs
 import tune
+import verdicts
 import words
 from records import read
 
@@ -168,6 +169,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
                 )
             ),
             "noise": _rows(noise),
+            "verdicts": _rows(verdicts),
             "make run": f"{make_run.markdown()}\n\n{make_run.shared()}".rstrip() + "\n",
             "generations": _rows(generations),
         },

@@ -73,10 +73,13 @@ def difference(
 ) -> Difference | None:
     """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
 
-    With two or three seeds each a spread of its own is worth little: that of all rewards is pooled, as if they were
-    equally noisy. One that scores the same with every seed, as at F = 0, is no part of the pool, since it would make
-    noisy ones look steady; where it is compared with a noisy one, it adds no noise. Two such that are compared are as
-    noisy as the pool, which they are part of. All play the same start states, so what those share is no part of it.
+    It is the wider of two. One pools the spread of all rewards, as if they were equally noisy: two or three seeds may
+    look steady by luck. The other has the spreads of the two alone: one that is noisier than the rest is not made to
+    look steady by them. `benchmarks/verdicts.py` measures how often it errs.
+
+    A reward that scores the same with every seed, as at F = 0, is no part of the pool, since it would make noisy ones
+    look steady; where it is compared with a noisy one, it adds no noise. Two such that are compared are as noisy as the
+    pool, which they are part of. All play the same start states, so what those share is no part of it.
 
     Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Nor does one
     where each value is near 0 or near 1: trainings that succeed or do not. Then the interval ends at zero at the least,
@@ -90,21 +93,29 @@ def difference(
         return None
     noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
     among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
-    freedom = sum(len(values) - 1 for values in among)
-    squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
-    spread = math.sqrt(math.fsum(squares) / freedom)
+    freedom, alone = (sum(len(values) - 1 for values in arms) for arms in (among, noisy))
+    pooled = math.fsum(_variance(values) * (len(values) - 1) for values in among) / freedom
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
-    half = _quantile(freedom, claims) * spread * math.sqrt(sum(1 / len(values) for values in noisy))
+    half = max(
+        _quantile(freedom, claims) * math.sqrt(sum(pooled / len(values) for values in noisy)),
+        _quantile(alone, claims) * math.sqrt(sum(_variance(values) / len(values) for values in noisy)),
+    )
     rates = _rates(own, other)
     if rates is not None and claims * _exact(rates, len(own), len(other)) > 1 - CONFIDENCE:
         half = max(half, abs(value))
+    spread = math.sqrt(max(len(noisy) * pooled, sum(map(_variance, noisy))))
     enough = (
         n
         for n in range(2, MOST_SEEDS + 1)
-        if _quantile(len(noisy) * (n - 1)) * spread * (len(noisy) / n) ** 0.5 < abs(value)
+        if _quantile(len(noisy) * (n - 1)) * spread / math.sqrt(n) < abs(value)
         and (rates is None or _exact(rates, n, n) <= 1 - CONFIDENCE)
     )
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+def _variance(values: Sequence[float]) -> float:
+    centre = math.fsum(values) / len(values)
+    return math.fsum((x - centre) ** 2 for x in values) / (len(values) - 1)
 
 
 def two_valued(values: Sequence[float]) -> bool:

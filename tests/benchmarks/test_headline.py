@@ -226,4 +226,8 @@ def test_a_race_of_today_crowns_what_the_table_says(headline: ModuleType, env: s
         strategy = strategies.make(store.config)
         lanes = Lanes(store.config, store, Idle(), nobody, strategy.ranks, strategy.peaks)
         best = race.crown(store.history(), lanes)
-    assert best is not None and str(best.sample.place) == headline.read(headline.RESULTS)[env]["crowned"]
+        ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), store.lanes.evaluations())
+    row = headline.read(headline.RESULTS)[env]
+    assert best is not None and str(best.sample.place) == row["crowned"]
+    assert ends.difference is not None
+    assert [ends.difference.value, ends.difference.low, ends.difference.high] == pytest.approx(row["difference"])

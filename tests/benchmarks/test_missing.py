@@ -29,8 +29,8 @@ def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 mended, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of polish, a
-    # folder of rewards of progress, 3 x 2 of prompts
+    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 mended, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of
+    # polish, a folder of rewards of progress, 3 x 2 of prompts
     assert len(commands) == 3 + 31 + 4 + 3 + 15 + 6 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 

@@ -48,8 +48,20 @@ def test_the_best_of_several_needs_a_wider_interval() -> None:
     arms = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
     one, both = (difference(arms[0], arms[1], arms[2:], claims=claims) for claims in (1, 2))
     assert one is not None and both is not None
-    # t(3): 3.182 at 97.5 %, 4.177 at 98.75 %.
-    assert (both.high - both.value) / (one.high - one.value) == pytest.approx(4.177 / 3.182, abs=1e-3)
+    # Of the two alone, t(2): 4.303 at 97.5 %, 6.205 at 98.75 %; of all three, t(3): 3.182, 4.177.
+    assert (both.high - both.value) / (one.high - one.value) == pytest.approx(6.205 / 4.303, abs=1e-3)
+
+
+def test_a_noisy_reward_does_not_look_steady_beside_calm_ones() -> None:
+    own, other, calm = [1.0, 2.0, 3.0], [0.9, 1.0, 1.1], [[1.5, 1.6, 1.7]] * 2
+    alone, beside = difference(own, other), difference(own, other, calm)
+    assert alone is not None and beside is not None
+    assert alone.high - alone.value == pytest.approx(2.776 * math.sqrt(1 / 3 + 0.01 / 3), abs=1e-3)
+    assert (beside.low, beside.high) == (alone.low, alone.high)
+    # Calm ones beside noisy rivals: t(8) of squares 0.02 * 2 + 2 * 2 over 8, which is 0.505.
+    calm_too = difference(calm[0], other, [own, own])
+    assert calm_too is not None
+    assert calm_too.high - calm_too.value == pytest.approx(2.306 * math.sqrt(0.505 * 2 / 3), abs=1e-3)
 
 
 def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> None:

@@ -14,7 +14,7 @@ from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.method import race
 from openeureka.score import Outcome
-from openeureka.stats import difference
+from openeureka.stats import difference, spent
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
@@ -198,9 +198,12 @@ def test_a_finished_search_keeps_its_crown(tmp_path: Path) -> None:
 
 def test_the_race_stops_by_the_interval_of_the_verdict(tmp_path: Path) -> None:
     """Beyond doubt after two seeds if the best had not been picked among three, which the verdict allows for."""
-    said = {spec(8.2, 1): 9.0, spec(8.2, 2): 11.0, spec(8.1, 1): 3.0, spec(8.1, 2): 5.0, spec(8, 1): 2.0}
+    said = {spec(8.2, 1): 20.0, spec(8.2, 2): 22.0, spec(8.1, 1): 3.0, spec(8.1, 2): 5.0, spec(8, 1): 2.0}
     human = {"human-s0": 5.3, "human-s1": 6.3, "human-s2": 7.0}
-    trainer = Lucky(error=1.0, said={**said, spec(8, 2): 4.0, spec(8.2, 3): 10.0, "human-s3": 6.2, **human})
+    look = spent(2, 5, race.FIRST)
+    alone, picked = (difference([20.0, 22.0], [*human.values()], claims=claims / look) for claims in (1, 3))
+    assert alone is not None and alone.sure and picked is not None and not picked.sure
+    trainer = Lucky(error=1.0, said={**said, spec(8, 2): 4.0, spec(8.2, 3): 21.0, "human-s3": 6.2, **human})
     outcome = go(tmp_path, trainer, [8.2, 8.1, 8.0], seeds=5)
     assert spec(8.2, 3) in trainer.trained and outcome.difference is not None and outcome.difference.sure
 

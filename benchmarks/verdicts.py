@@ -1,0 +1,158 @@
+"""How often does a race call rewards different that are equal? Drawn scores, nothing trains: docs/concepts/scores.md.
+
+    python benchmarks/verdicts.py      # minutes; writes benchmarks/results/verdicts.json
+
+The races are those of `openeureka.method.race`. Their scores are drawn from normal distributions with the spreads of
+the rows of docs/reference/headline.md, one row after another. What plays and what is held out are the same scores, so
+a winner is flattered as much as it can be. Three intervals decide in turn: the one in use, the one that it replaced,
+which takes all rewards as equally noisy, and Welch's, in which each has its own spread and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from random import Random
+from statistics import stdev, variance
+
+import headline
+from records import Record, command_line, read, results, today, write
+from scipy.special import stdtrit
+
+from openeureka import stats
+from openeureka.method import race
+from openeureka.stats import CONFIDENCE, Difference
+
+RESULTS = results("verdicts")
+RACES = 2500
+"""Of each row of the table, so many with equal rewards and so many with different ones."""
+SEEDS = (3, 5)
+GAP = 2.5
+"""How much better the different rewards are, in spreads of the difference of one seed each."""
+TITLES = (
+    *("interval", "`seeds`", "sure, though all are equal: mean over rows", "the worst row"),
+    *(f"sure, where the winner is better by {GAP} spreads", "seeds taken"),
+)
+
+Spreads = tuple[Sequence[float], float]
+"""Of the rewards that race, and of the human one."""
+
+
+def measure(races: int = RACES) -> Record:
+    """All rules, by their name and the most seeds."""
+    rows = spreads(read(headline.RESULTS))
+    found: Record = {"races": races, "gap": GAP, "date": today(), "rows": rows, "rules": {}}
+    for name, rule in RULES.items():
+        for seeds in SEEDS:
+            with deciding(rule):
+                found["rules"][f"{name}/{seeds}"] = [_row(own, seeds, races) for own in rows.values()]
+    return found
+
+
+def spreads(measured: Mapping[str, Record]) -> dict[str, Spreads]:
+    """By task, where F has more than two values: else no spread decides."""
+    found: dict[str, Spreads] = {}
+    for env, row in measured.items():
+        arms = [[score for score in row[name] if score is not None] for name in ("generated", "human")]
+        raced = [arms[0], *([score for score in arm if score is not None] for arm in row["runners_up"].values())]
+        if not stats.two_valued([*arms[0], *arms[1]]):
+            found[env] = [stdev(arm) for arm in raced if len(arm) > 1], stdev(arms[1])
+    return found
+
+
+def _row(own: Spreads, seeds: int, races: int) -> Record:
+    random = Random(0)
+    rewards, human = own
+    apart = GAP * math.hypot(rewards[0], human)
+    equal = [held(random, own, seeds, 0.0) for _ in range(races)]
+    better = [held(random, own, seeds, apart) for _ in range(races)]
+    return {
+        "sure": sum(found.sure for found, _ in equal) / races,
+        "found": sum(found.sure and found.value > 0 for found, _ in better) / races,
+        "seeds": sum(taken for _, taken in better) / races,
+    }
+
+
+def held(random: Random, own: Spreads, most: int, gap: float) -> tuple[Difference, int]:
+    """One race: how the winner differs from the human reward, and the seeds it took."""
+    drawn = {f"g0s{slot}": [random.gauss(gap, spread) for _ in range(most)] for slot, spread in enumerate(own[0])}
+    human = [random.gauss(0.0, own[1]) for _ in range(most + 1)]
+    names, claims, taken = list(drawn), len(drawn), dict.fromkeys(drawn, 0)
+    seeds = 0
+    for more in race.rounds(range(most), raced=True):
+        seeds += len(more)
+        taken |= dict.fromkeys(names, seeds)
+        scores = {name: drawn[name][: taken[name]] for name in drawn} | {"human": human[: seeds + 1]}
+        names = race.running(scores, names)
+        share = stats.spent(seeds, most, race.FIRST)
+        if len(names) == 1 and race.sure(scores, names[0], "human", claims / share):
+            break
+    rivals = [scores[name] for name in drawn if name != names[0]]
+    found = race.difference(scores[names[0]], scores["human"], rivals, claims=claims / share)
+    assert found is not None
+    return found, seeds
+
+
+Rule = Callable[..., Difference | None]
+
+
+@contextmanager
+def deciding(rule: Rule) -> Iterator[None]:
+    """Races are decided by another interval meanwhile."""
+    usual, race.difference = race.difference, rule
+    try:
+        yield
+    finally:
+        race.difference = usual
+
+
+def pooled(
+    own: Sequence[float], other: Sequence[float], rivals: Iterable[Sequence[float]] = (), *, claims: float = 1
+) -> Difference:
+    """All rewards are equally noisy, but for those without a spread."""
+    noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
+    among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
+    freedom = sum(len(values) - 1 for values in among)
+    spread = sum(variance(values) * (len(values) - 1) for values in among) / freedom
+    return _interval(own, other, freedom, sum(spread / len(values) for values in noisy), claims)
+
+
+def welch(
+    own: Sequence[float], other: Sequence[float], rivals: Iterable[Sequence[float]] = (), *, claims: float = 1
+) -> Difference:
+    """Each reward has a spread of its own (Welch 1947, with Satterthwaite's degrees of freedom)."""
+    one, two = variance(own) / len(own), variance(other) / len(other)
+    parts = one**2 / (len(own) - 1) + two**2 / (len(other) - 1)
+    return _interval(own, other, (one + two) ** 2 / parts if parts else 1.0, one + two, claims)
+
+
+def _interval(own: Sequence[float], other: Sequence[float], freedom: float, error: float, claims: float) -> Difference:
+    value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
+    half = float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * claims))) * math.sqrt(error)
+    return Difference(value=value, low=value - half, high=value + half, seeds=None)
+
+
+RULES: Mapping[str, Rule] = {
+    "the one in use: the wider of two": race.difference,
+    "one spread for all": pooled,
+    "own spreads alone (Welch)": welch,
+}
+
+
+def rows(measured: Record) -> list[list[str]]:
+    """A row a rule and number of seeds: means over the rows of the table."""
+    found: list[list[str]] = []
+    for name, per_row in measured.get("rules", {}).items():
+        rule, seeds = name.split("/")
+        sure, right, taken = ([row[what] for row in per_row] for what in ("sure", "found", "seeds"))
+        shares = (stats.mean(sure), max(sure), stats.mean(right))
+        found.append([rule, seeds, *(f"{100 * (share or 0):.1f} %" for share in shares), f"{stats.mean(taken):.2f}"])
+    return found
+
+
+if __name__ == "__main__":
+    command_line(__doc__).parse_args()
+    write(RESULTS, measure())
+    for line in rows(read(RESULTS)):
+        print("  ".join(line))
