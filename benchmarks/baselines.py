@@ -15,27 +15,21 @@ human and the sparse reward were not trained along.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from ledger import learn
+from ledger import differing, learn, whole
 from records import OUTPUTS, PEAKS, ROOT, Record, command_line, machine, read, record, results, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import Wanted, deal
 from openeureka.store import is_run
 from openeureka.tasks import registry
-from openeureka.tasks.task import Recipe
 from openeureka.types import OWN_REWARDS
 
 RESULTS = results("baselines")
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
-DEFAULTS = {
-    field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
-}
-"""Of a recipe: what a record says nothing of, as it is older, was so."""
 
 
 def missing(entry: Record, seeds: int, rewards: Sequence[str] = OWN_REWARDS) -> list[Wanted]:
@@ -50,7 +44,7 @@ def settings(env: str, steps: int, worlds: int) -> Record:
     return {
         "env_steps": steps or recipe.env_steps,
         "worlds": worlds or recipe.worlds,
-        "recipe": {**dataclasses.asdict(recipe), "hidden": list(recipe.hidden)},
+        "recipe": whole(env),
     }
 
 
@@ -126,10 +120,12 @@ def main(words: Sequence[str] | None = None) -> None:
         entry = {**wanted, "lanes": {}} if options.again else found.get(env, {**wanted, "lanes": {}})
         if options.again and is_run(options.dir / env):
             shutil.rmtree(options.dir / env)
-        entry["recipe"] = {**DEFAULTS, **entry["recipe"]}
-        differing = [key for key in wanted if entry[key] != wanted[key]]
-        if differing:
-            raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")
+        others = [key for key in ("env_steps", "worlds") if entry[key] != wanted[key]]
+        if differing(entry["recipe"], wanted["recipe"]):
+            others.append("recipe")
+        if others:
+            raise SystemExit(f"{options.out} holds {env} with another {' and '.join(others)}; --again replaces it.")
+        entry["recipe"] = wanted["recipe"]
         lanes = missing(entry, options.seeds, options.reward or OWN_REWARDS)
         if not lanes:
             print(f"{env}: all is known")

@@ -19,8 +19,8 @@ from itertools import combinations
 from math import comb
 from typing import get_args
 
-from ledger import Script
-from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results
+from ledger import Script, agree, whole
+from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results, write
 
 from openeureka.config import RunConfig
 from openeureka.method.lanes import deal
@@ -105,29 +105,32 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
 
 
 def measure(env: str, seed: int, threads: int) -> None:
-    """Train what is missing of one task and seed, play it, and write it down."""
+    """Train what is missing of one task and seed, play it, and write it down.
+
+    Raises:
+        SystemExit: where the lanes that are known have another recipe.
+    """
+    entry: Record = read(RESULTS).get(env, {})
+    agree(entry, recipe := whole(env, env_steps=STEPS[env]), env)
     config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0, threads=threads)
     with comparing(config, OUTPUTS / "choosing" / env, Script()) as lanes:
         store = lanes.store
         rewards = programs(env, store)
-        results = lanes.train(deal(rewards, [seed], "final" if seed else "candidate"))
+        dealt = deal(rewards, [seed], "final" if seed else "candidate")
+        wanted = [one for one in dealt if one[0].id not in entry.get("lanes", {})]
+        if not wanted:
+            return
+        results = lanes.train(wanted)
         replace(lanes, peaks=PEAKS).play(results)
-        known = read(RESULTS).get(env, {"lanes": {}})["lanes"]
         records: Record = {}
-        for lane in (lane for lane in results if lane not in known):
+        for lane in results:
             policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(lane, peak)) is not None}
             judged = {score.lane: score for score in lanes.trainer.evaluate(env, policies, seed=JUDGED)}
-            records[lane] = _record(results[lane], store.lanes.plays().get(lane, {}), judged)
-        _write(env, records)
-
-
-def _write(env: str, records: Record) -> None:
-    """Add lanes to the file as it is by now: another task may have been measured meanwhile."""
-    done = read(RESULTS)
-    own: Record = done.setdefault(env, {"lanes": {}})
-    own["lanes"] |= records
-    own |= {"steps": STEPS[env], **machine("cpu")}
-    RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
+            found = _record(results[lane], store.lanes.plays().get(lane, {}), judged)
+            records[lane] = {**found, "trained": machine("cpu")}
+    done = read(RESULTS)  # again: another task may have been measured meanwhile
+    known = {**done.get(env, entry).get("lanes", {}), **records}
+    write(RESULTS, {**done, env: {"steps": STEPS[env], "recipe": recipe, "lanes": known}})
 
 
 def _record(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from records import Record
 
 from openeureka.cli.terminal import Terminal
 from openeureka.config import RunConfig, TrainConfig
@@ -14,10 +17,41 @@ from openeureka.method.lanes import Lanes, Wanted
 from openeureka.report.build import build
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import listed, named
+from openeureka.tasks import registry
+from openeureka.tasks.task import Recipe
 from openeureka.types import Evaluation, Peak, TrainingResult, Trial
 
 Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
 """Results without policies, and held-out scores of policies, by lane id."""
+DEFAULTS = {
+    field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
+}
+"""Of a recipe: what a record says nothing of, as it is older, was so."""
+
+
+def whole(env: str, **changes: float) -> Record:
+    """A task's recipe as JSON gives it back, with these values in place of its own."""
+    recipe = dataclasses.replace(registry.get(env).recipe, **changes)
+    return {**dataclasses.asdict(recipe), "hidden": list(recipe.hidden)}
+
+
+def differing(known: Record, wanted: Record) -> list[str]:
+    """Words of a recipe that a record has otherwise."""
+    known = {**DEFAULTS, **known}
+    return [word for word, value in wanted.items() if known[word] != value]
+
+
+def agree(entry: Record, wanted: Record, name: str) -> None:
+    """Lanes of one recipe stand together.
+
+    Args:
+        entry: what is known, empty where nothing is.
+
+    Raises:
+        SystemExit: where its `recipe` is another.
+    """
+    if entry and (words := differing(entry["recipe"], wanted)):
+        raise SystemExit(f"The results hold {name} with another {' and '.join(words)}; remove it there to begin anew.")
 
 
 class Script(Terminal):

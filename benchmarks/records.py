@@ -131,7 +131,7 @@ def read(path: Path) -> Any:
     return json.loads(path.read_text()) if path.exists() else {}
 
 
-def write(path: Path, content: Record) -> None:
+def write(path: Path, content: object) -> None:
     """Replace the file whole, so that a broken-off run leaves the old or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".tmp")

@@ -24,7 +24,7 @@ from unittest.mock import patch
 
 import choosing
 import torch
-from ledger import in_sentences
+from ledger import DEFAULTS, agree, in_sentences, whole
 from predictors import window
 from records import FOLDER, Record, command_line, correlation, machine, read, results, rounded, write
 
@@ -138,7 +138,7 @@ def missing(
     """Lanes that no record is known of: a few at a time, and work for every core."""
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     lanes = [spec for spec in specs if spec.id not in known]
-    size = min(TOGETHER, -(-len(lanes) // len(os.sched_getaffinity(0))))
+    size = max(1, min(TOGETHER, -(-len(lanes) // len(os.sched_getaffinity(0)))))
     yield from (lanes[start : start + size] for start in range(0, len(lanes), size))
 
 
@@ -164,24 +164,30 @@ def measure(
     steps: int,
     manner: Mapping[str, float],
 ) -> None:
-    """Train what is missing, and write each part down."""
-    whole = dataclasses.replace(registry.get(env).recipe, **recipe)
+    """Train what is missing, and write each part down.
+
+    Raises:
+        SystemExit: where a row of this name has another recipe.
+    """
+    trained = whole(env, **recipe, env_steps=steps)
     updates = "".join(f"{recipe[word]} {word}, " for word in ("epochs", "minibatches") if word in recipe)
-    others = {**manner, **{word: recipe[word] for word in ("noise", "head") if word in recipe}}
+    # Of the task's own recipe too: it may come to begin otherwise.
+    others = {**manner, **{word: trained[word] for word in ("noise", "head") if trained[word] != DEFAULTS[word]}}
     updates += "".join(f"{word} {value:g}, " for word, value in others.items())
-    name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
+    name = f"{trained['worlds']} x {trained['horizon']}, {updates}{steps:,} steps"
+    known = read(RESULTS).get(env, {}).get(name, {})
+    agree(known, trained, f"{env}, {name},")
 
     def keep(records: Record) -> None:
         found = read(RESULTS)
-        own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
-        own |= {"steps": steps, **machine("cpu")}
-        own["lanes"] |= records
+        own = found.setdefault(env, {}).setdefault(name, {"steps": steps, "recipe": trained, "lanes": {}})
+        own["lanes"] |= {lane: {**record, "trained": machine("cpu")} for lane, record in records.items()}
         write(RESULTS, found)
         for lane, record in records.items():
             print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
 
-    known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
-    side_by_side(env, missing(rewards, seeds, known), steps, recipe, manner, keep)
+    parts = missing(rewards, seeds, known.get("lanes", {}))
+    side_by_side(env, parts, steps, recipe, manner, keep)
 
 
 # --- what it says ----------------------------------------------------------------------------------------------------

@@ -1,0 +1,150 @@
+"""Trainings of one recipe stand together, and what is known is neither trained again nor called new."""
+
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import choosing
+import ledger
+import rungs
+
+from openeureka.types import LaneSpec
+
+RECORD = {"played": [0.0, 0.0, 0.0, 0.0, 0.0, 2.0], "window": [], "cpu_s": 1.0}
+
+
+@pytest.fixture
+def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """Lanes that rungs.py trains, at once; each plays 2 in the end."""
+    lanes: list[str] = []
+
+    def at_once(env: str, parts: Iterable[Sequence[LaneSpec]], steps: int, recipe: Any, manner: Any, keep: Any):
+        for part in parts:
+            lanes.extend(spec.id for spec in part)
+            keep({spec.id: RECORD for spec in part})
+
+    monkeypatch.setattr(rungs, "side_by_side", at_once)
+    for script in (rungs, choosing):
+        monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
+    return lanes
+
+
+def told(path: Path) -> Any:
+    return json.loads(path.read_text())
+
+
+# --- rungs -----------------------------------------------------------------------------------------------------------
+
+
+def measure(seeds: Sequence[int], **recipe: float) -> None:
+    rungs.measure("ant", {"human": "human"}, seeds, recipe, 1000, {})
+
+
+def test_where_no_lane_is_missing_there_is_no_part():
+    assert list(rungs.missing({"human": "human"}, [0], {"human-s0": {}})) == []
+    assert list(rungs.missing({}, [0], {})) == []
+
+
+def test_a_row_says_how_its_actions_begin_whether_the_task_does_so_or_the_caller(trained: list[str]):
+    measure([0], worlds=64)
+    measure([0, 1], worlds=64, noise=0.4, head=0.01)  # as Ant's own recipe has it
+    measure([0], worlds=64, noise=1.0, head=1.0)
+    assert trained == ["human-s0", "human-s1", "human-s0"]
+    calm, published = told(rungs.RESULTS)["ant"].items()
+    assert calm[0] == "64 x 16, noise 0.4, head 0.01, 1,000 steps" and published[0] == "64 x 16, 1,000 steps"
+    assert calm[1]["recipe"] == ledger.whole("ant", worlds=64, env_steps=1000)
+    assert calm[1]["lanes"]["human-s1"]["trained"]["versions"]
+
+
+def test_a_row_of_another_recipe_is_refused(trained: list[str]):
+    measure([0])
+    known = told(rungs.RESULTS)
+    (row,) = known["ant"].values()
+    row["recipe"]["gamma"] = 0.5
+    rungs.RESULTS.write_text(json.dumps(known))
+    with pytest.raises(SystemExit, match="ant, 512 x 16, .* with another gamma"):
+        measure([1])
+    assert trained == ["human-s0"] and told(rungs.RESULTS) == known
+
+
+def test_what_an_older_recipe_says_nothing_of_was_the_default():
+    wanted = ledger.whole("anymal")
+    assert ledger.differing({word: value for word, value in wanted.items() if word != "noise"}, wanted) == []
+    calm = ledger.whole("ant")
+    assert ledger.differing({word: value for word, value in calm.items() if word != "noise"}, calm) == ["noise"]
+
+
+def test_names_of_the_rows_that_are_shown_say_what_their_recipes_do():
+    for rows in json.loads((rungs.FOLDER / "results" / "rungs.json").read_text()).values():
+        for name, row in rows.items():
+            for word in ("noise", "head"):
+                value = row["recipe"][word]
+                assert (f"{word} {value:g}," in name) if value != 1.0 else word not in name
+            assert name.startswith(f"{row['recipe']['worlds']} x {row['recipe']['horizon']}, ")
+
+
+# --- choosing --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """A run that trains at once, and notes what it was asked for."""
+
+    asked: list[str]
+    peaks: Any = ()
+    store: Any = field(default_factory=lambda: SimpleNamespace(lanes=SimpleNamespace(policy=no_policy, plays=dict)))
+    trainer: Any = field(default_factory=lambda: SimpleNamespace(evaluate=lambda env, policies, seed: ()))
+
+    def train(self, wanted: Iterable[Any]) -> Mapping[str, Any]:
+        lanes = [lane.id for lane, _ in wanted]
+        self.asked.extend(lanes)
+        result = SimpleNamespace(fitness=1.0, curves={"fitness": [1.0]}, env_steps=1, state="done")
+        return dict.fromkeys(lanes, result)
+
+    def play(self, results: Mapping[str, Any]) -> None:
+        pass
+
+
+def no_policy(lane: str, peak: str) -> None:
+    return None
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch, trained: list[str]) -> list[str]:
+    lanes = Lanes([])
+
+    @contextmanager
+    def at_once(*_: Any):
+        yield lanes
+
+    monkeypatch.setattr(choosing, "comparing", at_once)
+    monkeypatch.setattr(choosing, "programs", lambda env, store: [("a", "human"), ("b", "human")])
+    return lanes.asked
+
+
+def test_lanes_that_are_known_are_neither_trained_nor_stamped_again(asked: list[str]):
+    own = {"steps": choosing.STEPS["ant"], "recipe": ledger.whole("ant", env_steps=choosing.STEPS["ant"])}
+    known = {"ant": {**own, "lanes": {"a-s0": {"training": 5.0, "trained": {"date": "2020-01-01"}}}}}
+    choosing.RESULTS.write_text(json.dumps(known))
+    choosing.measure("ant", 0, 0)
+    found = told(choosing.RESULTS)["ant"]
+    assert asked == ["b-s0"] and found["lanes"]["a-s0"] == known["ant"]["lanes"]["a-s0"]
+    assert found["lanes"]["b-s0"]["trained"]["versions"] and set(found) == {"steps", "recipe", "lanes"}
+    whole = choosing.RESULTS.read_text()
+    choosing.measure("ant", 0, 0)
+    assert asked == ["b-s0"] and choosing.RESULTS.read_text() == whole
+
+
+def test_other_steps_than_those_that_are_known_are_refused(asked: list[str], monkeypatch: pytest.MonkeyPatch):
+    choosing.measure("ant", 0, 0)
+    monkeypatch.setitem(choosing.STEPS, "ant", 6000)
+    with pytest.raises(SystemExit, match="ant with another env_steps"):
+        choosing.measure("ant", 1, 0)
