@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,11 @@ def reach() -> int:
     """Seeds that a run takes, its own among them."""
     config = parse(RunConfig, settings())
     return unused_seed(config) - config.seed
+
+
+def left(measured: Mapping[str, Any], seeds: Sequence[int] = SEEDS) -> list[int]:
+    """Seeds that have no run with these settings."""
+    return [seed for seed in seeds if measured.get(str(seed), {}).get("settings") != " ".join(settings())]
 
 
 def counted() -> dict[str, Any]:
@@ -147,9 +153,8 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args()
-    for seed in () if options.markdown else options.seeds:
-        done = read(RESULTS)
-        if done.get(str(seed), {}).get("settings") != " ".join(settings()):
-            done[str(seed)] = measure(seed)
-            write(RESULTS, dict(sorted(done.items(), key=lambda item: int(item[0]))))
+    for seed in () if options.markdown else left(read(RESULTS), options.seeds):
+        found = measure(seed)
+        done = {**read(RESULTS), str(seed): found}
+        write(RESULTS, dict(sorted(done.items(), key=lambda item: int(item[0]))))
     print(markdown())

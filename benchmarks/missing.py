@@ -20,6 +20,7 @@ import claims
 import greedy
 import headline
 import longer
+import make_run
 import measurable
 import mended
 import polish
@@ -52,13 +53,8 @@ def left() -> Iterator[list[str]]:
     yield from (["polish.py", "--env", env] for env in polish.TASKS if env not in known)
     known = read(progress.RESULTS)
     yield from (["progress.py", "--env", env] for env in progress.tasks() if progress.lacks(known.get(env)))
-    known = read(prompts.RESULTS)
-    yield from (
-        ["prompts.py", "--env", env, "--seeds", str(seed)]
-        for seed in prompts.SEEDS
-        for env in prompts.STEPS
-        if not any(lane.endswith(f"-s{seed}") for lane in known.get(env, {}).get("lanes", ()))
-    )
+    yield from (["prompts.py", "--env", env, "--seeds", str(seed)] for env, seed in prompts.left(read(prompts.RESULTS)))
+    yield from (["make_run.py", "--seeds", str(seed)] for seed in make_run.left(read(make_run.RESULTS)))
 
 
 def main() -> None:

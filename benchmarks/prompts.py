@@ -12,15 +12,16 @@ counts is F of the last policy when it plays.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from statistics import stdev
 
 import rungs
+from ledger import differing, whole
 from records import FOLDER, Record, command_line, machine, read, results, write
 
 from openeureka.numbers import number
 from openeureka.stats import mean
-from openeureka.types import RewardProgram
+from openeureka.types import RewardProgram, lane_id
 
 REPLIES = FOLDER / "prompts"
 RESULTS = results("prompts")
@@ -37,7 +38,7 @@ TITLES = ("task", "advice", "accepted", "trainings", "F, mean over rewards", "th
 
 
 def measure(env: str, seed: int) -> None:
-    """Train what is missing of one task and seed, and write it down."""
+    """Train what is missing of one task and seed, and write it down: also what another recipe trained."""
     replies = json.loads((REPLIES / f"{env}.json").read_text())["replies"]
     rewards = {advice: rungs.accepted(env, texts) for advice, texts in replies.items()}
     graphs: dict[str, RewardProgram] = {"human": "human"}
@@ -45,14 +46,37 @@ def measure(env: str, seed: int) -> None:
         graphs |= own
 
     def keep(records: Record) -> None:
+        trained = {"recipe": recipe(env), **machine("cpu")}
         found = read(RESULTS)
         own = found.setdefault(env, {"lanes": {}})
-        own |= {"steps": STEPS[env], **machine("cpu"), "rewards": {name: list(ids) for name, ids in rewards.items()}}
-        own["lanes"] |= {lane: record["played"][-1] for lane, record in records.items()}
+        own["rewards"] = {name: list(ids) for name, ids in rewards.items()}
+        own["lanes"] |= {lane: {"fitness": one["played"][-1], "trained": trained} for lane, one in records.items()}
         write(RESULTS, found)
 
-    parts = rungs.missing(graphs, [seed], read(RESULTS).get(env, {}).get("lanes", {}))
+    parts = rungs.missing(graphs, [seed], current(env, read(RESULTS).get(env, {})))
     rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], {}, keep)
+
+
+def recipe(env: str) -> Record:
+    """All of it that lanes of a task train with now."""
+    return whole(env, **RECIPES[env], env_steps=STEPS[env])
+
+
+def current(env: str, own: Record) -> Record:
+    """Lanes with this recipe: a task's own may have changed since others trained."""
+    now = recipe(env)
+    return {lane: one for lane, one in own.get("lanes", {}).items() if not differing(one["trained"]["recipe"], now)}
+
+
+def left(study: Mapping[str, Record]) -> Iterator[tuple[str, int]]:
+    """Task and seed of what is missing."""
+    for seed in SEEDS:
+        for env in STEPS:
+            own = study.get(env, {})
+            rewards = [reward for ids in own.get("rewards", {}).values() for reward in ids]
+            wanted = {lane_id(reward, seed) for reward in ("human", *rewards)}
+            if not rewards or wanted - current(env, own).keys():
+                yield env, seed
 
 
 def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
@@ -60,15 +84,18 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     found = []
     for env, own in study.items():
         lanes: dict[str, list[float]] = {}
-        for lane, score in own["lanes"].items():
-            if score is not None:
-                lanes.setdefault(lane.rpartition("-s")[0], []).append(score)
+        for lane, one in own["lanes"].items():
+            if one["fitness"] is not None:
+                lanes.setdefault(lane.rpartition("-s")[0], []).append(one["fitness"])
+        older = [lane.rpartition("-s")[0] for lane in own["lanes"].keys() - current(env, own).keys()]
         for advice, ids in own["rewards"].items():
             scores = [mean(lanes[key]) or 0.0 for key in ids if key in lanes]
             error = stdev(scores) / len(scores) ** 0.5
-            trainings = sum(len(lanes.get(key, ())) for key in ids)
+            trainings = str(sum(len(lanes.get(key, ())) for key in ids))
+            if before := sum(reward in ids for reward in older):
+                trainings += f", {before} with an older recipe"
             cells = (f"{number(mean(scores))} ± {number(error, 2)}", number(max(scores)), number(mean(lanes["human"])))
-            found.append((env, advice, str(len(ids)), str(trainings), *cells))
+            found.append((env, advice, str(len(ids)), trainings, *cells))
     return found
 
 

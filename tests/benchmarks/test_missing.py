@@ -11,6 +11,7 @@ import claims
 import greedy
 import headline
 import longer
+import make_run
 import measurable
 import mended
 import missing
@@ -27,6 +28,15 @@ def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.fixture(autouse=True)
+def searches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Results of make_run.py: all are known."""
+    path = tmp_path / "make_run.json"
+    path.write_text(json.dumps({str(seed): {"settings": " ".join(make_run.settings())} for seed in make_run.SEEDS}))
+    monkeypatch.setattr(make_run, "RESULTS", path)
+    return path
+
+
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
     # 3 tasks of measurable, 31 of the table, 4 that go on, 3 mended, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of
@@ -41,7 +51,8 @@ def test_what_is_known_is_not_among_them(results: Path):
     commands = list(missing.left())
     assert [words for script, *words in commands if script == "measurable.py"] == [["--env", "anymal"]]
     assert not any(script == "greedy.py" for script, *_ in commands)
-    (results / "prompts.json").write_text(json.dumps({"ant": {"lanes": {"human-s0": 1.0}}}))
+    lanes = {lane: {"fitness": 1.0, "trained": {"recipe": prompts.recipe("ant")}} for lane in ("human-s0", "a-s0")}
+    (results / "prompts.json").write_text(json.dumps({"ant": {"rewards": {"small": ["a"]}, "lanes": lanes}}))
     asked = [words[1::2] for script, *words in missing.left() if script == "prompts.py"]
     assert asked == [["anymal", "0"], ["ballbalance", "0"], ["ant", "1"], ["anymal", "1"], ["ballbalance", "1"]]
     tunings = [words[1::2] for script, *words in commands if script == "tune.py"]
@@ -57,6 +68,12 @@ def test_what_was_broken_off_halfway_is(results: Path):
     commands = list(missing.left())
     assert ["progress.py", "--env", env] in commands and ["progress.py", "--env", other] not in commands
     assert ["greedy.py", "--env", "ant"] in commands and ["greedy.py", "--env", "anymal"] not in commands
+
+
+def test_seeds_of_make_run_with_other_settings_are_missing(results: Path, searches: Path):
+    assert not any(script == "make_run.py" for script, *_ in missing.left())
+    searches.write_text(json.dumps({"10": {"settings": " ".join(make_run.settings())}, "0": {"settings": "env=ant"}}))
+    assert [words[-1] for script, *words in missing.left() if script == "make_run.py"] == ["0", "20", "30", "40"]
 
 
 def test_a_script_that_fails_does_not_stop_the_others_and_is_tried_once(results: Path, monkeypatch):

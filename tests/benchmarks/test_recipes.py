@@ -14,6 +14,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import choosing
 import ledger
+import prompts
 import rungs
 
 from openeureka.types import LaneSpec
@@ -32,7 +33,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
             keep({spec.id: RECORD for spec in part})
 
     monkeypatch.setattr(rungs, "side_by_side", at_once)
-    for script in (rungs, choosing):
+    for script in (rungs, prompts, choosing):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return lanes
 
@@ -89,6 +90,47 @@ def test_names_of_the_rows_that_are_shown_say_what_their_recipes_do():
                 value = row["recipe"][word]
                 assert (f"{word} {value:g}," in name) if value != 1.0 else word not in name
             assert name.startswith(f"{row['recipe']['worlds']} x {row['recipe']['horizon']}, ")
+
+
+# --- prompts ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def replies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, trained: list[str]) -> list[str]:
+    """Two rewards an advice."""
+    (tmp_path / "ant.json").write_text(json.dumps({"replies": {"small": ["a", "b"], "a tenth": ["c", "d"]}}))
+    monkeypatch.setattr(prompts, "REPLIES", tmp_path)
+    monkeypatch.setattr(rungs, "accepted", lambda env, texts: dict.fromkeys(texts, "human"))
+    return trained
+
+
+def stale(lane: str) -> None:
+    found = told(prompts.RESULTS)
+    found["ant"]["lanes"][lane] = {"fitness": 1.0, "trained": {"recipe": {**prompts.recipe("ant"), "head": 1.0}}}
+    prompts.RESULTS.write_text(json.dumps(found))
+
+
+def test_what_another_recipe_trained_trains_again_and_is_told_apart_until_then(replies: list[str]):
+    prompts.measure("ant", 0)
+    assert sorted(replies) == ["a-s0", "b-s0", "c-s0", "d-s0", "human-s0"]
+    stale("c-s0")
+    before = told(prompts.RESULTS)["ant"]["lanes"]
+    assert [row[3] for row in prompts.rows(told(prompts.RESULTS))] == ["2", "2, 1 with an older recipe"]
+    assert next(prompts.left(told(prompts.RESULTS))) == ("ant", 0)
+    replies.clear()
+    prompts.measure("ant", 0)
+    after = told(prompts.RESULTS)["ant"]["lanes"]
+    assert replies == ["c-s0"] and after["c-s0"]["trained"]["recipe"] == prompts.recipe("ant")
+    assert {lane for lane in after if after[lane] != before[lane]} == {"c-s0"}
+    assert [row[3] for row in prompts.rows(told(prompts.RESULTS))] == ["2", "2"]
+
+
+def test_a_seed_is_left_until_each_of_its_lanes_is_there(replies: list[str]):
+    prompts.measure("ant", 0)
+    found = told(prompts.RESULTS)
+    assert ("ant", 0) not in list(prompts.left(found))
+    del found["ant"]["lanes"]["d-s0"]
+    assert ("ant", 0) in list(prompts.left(found))
 
 
 # --- choosing --------------------------------------------------------------------------------------------------------
