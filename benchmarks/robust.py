@@ -60,6 +60,23 @@ def measure(env: str, seed: int, directory: Path, words: Sequence[str], **settin
     }
 
 
+def agree(known: Mapping[str, Record], words: Sequence[str], name: str) -> None:
+    """Seeds of one row have one model, asked alike.
+
+    Raises:
+        SystemExit: where those that are known had other settings.
+    """
+    for seed, found in known.items():
+        if (own := _telling(found["settings"])) != _telling(words):
+            raise SystemExit(f"Seed {seed} of {name} had {' '.join(own)}: take that, or remove it from {RESULTS}.")
+
+
+def _telling(words: Sequence[str]) -> list[str]:
+    """Settings but for what finds and pays the model, and for the start, which has rows of its own."""
+    others = ("base_url", "max_cost", "price", "start", "threads")
+    return sorted(word for word in words if word.partition("=")[0] not in others)
+
+
 def _arm(arm: RobustArm) -> Record:
     return {
         "nominal": arm.nominal.fitness if arm.nominal is not None else None,
@@ -122,20 +139,22 @@ def _percent(share: float | None) -> str:
 
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("words", nargs="*", default=["model=random"], help="settings of eureka robust")
+    parser.add_argument("words", nargs="*", help="settings of eureka robust, the model among them")
     parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
     parser.add_argument("--seed", action="append", type=int, help="may be repeated; 0, 1 and 2 by default")
     parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
     start = next((word.removeprefix("start=") for word in options.words if word.startswith("start=")), BEST)
     if options.tiny:
+        words = options.words or ["model=random"]
         tiny = "quadcopter+episode_length=20"
-        found = measure(
-            tiny, 0, OUTPUTS / "robust" / f"tiny_{start}", [*options.words, "sample=2"], steps=2048, worlds=32
-        )
+        found = measure(tiny, 0, OUTPUTS / "robust" / f"tiny_{start}", [*words, "sample=2"], steps=2048, worlds=32)
         show(_row(tiny, start, [found]))
         return
+    if not any(word.startswith("model=") for word in options.words):
+        parser.error("no model is named: write model=gpt-5, or model=random for the floor")
     for env in options.env or ENVS:
+        agree(read(RESULTS).get(start, {}).get(env, {}), options.words, f"{env}, start={start},")
         for seed in options.seed or range(SEEDS):
             if str(seed) in read(RESULTS).get(start, {}).get(env, {}):
                 continue

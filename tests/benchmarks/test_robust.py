@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import robust
 
@@ -54,3 +56,20 @@ def test_trainings_that_began_otherwise_have_rows_of_their_own():
     assert second[:3] == ["ant", "scratch", "1"] and second[4] == "-"
     found = robust.drawn({"scratch": {"ant": {"0": one}, "anymal": {"0": one}}, "best": {"ant": {"0": more}}})
     assert found == {"anymal, begun from scratch": {"0": one}, "ant, begun with the best policy": {"0": more}}
+
+
+def test_a_seed_by_another_model_joins_no_row():
+    known = {"0": {"settings": ["model=claude", "base_url=http://localhost/v1", "sample=4"]}}
+    robust.agree(known, ["sample=4", "start=scratch", "model=claude"], "ant")
+    robust.agree({}, ["model=random"], "ant")
+    for words in (["model=random", "sample=4"], ["model=claude", "sample=8"], ["model=claude"]):
+        with pytest.raises(SystemExit, match="Seed 0 of ant had model=claude sample=4"):
+            robust.agree(known, words, "ant")
+
+
+def test_it_has_no_model_of_its_own(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setattr(robust, "measure", lambda *_, **__: pytest.fail("something was trained"))
+    monkeypatch.setattr(sys, "argv", ["robust.py", "--env", "ant", "--seed", "7"])
+    with pytest.raises(SystemExit):
+        robust.main()
+    assert "no model is named" in capsys.readouterr().err
