@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -25,6 +26,17 @@ class Trained:
     """Held-out F: a list a reward, a value a seed."""
     noisy: bool
     """Whether policies played with the noise of training, as they do where all episodes begin alike."""
+
+
+def several(text: str) -> int:
+    """How many seeds a word of the command line asks for.
+
+    Raises:
+        ArgumentTypeError: below two, which have no spread.
+    """
+    if not text.isdecimal() or int(text) < 2:
+        raise ArgumentTypeError(f"{text} is no number of seeds from 2 on: one has no spread")
+    return int(text)
 
 
 def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: int) -> Trained:

@@ -14,11 +14,11 @@ is written anew.
 
 from __future__ import annotations
 
-import json
 import math
+import re
 from pathlib import Path
 
-from fresh import held_out
+from fresh import held_out, several
 from records import FOLDER, Record, command_line, interval, machine, read, results, today, write
 
 import openeureka
@@ -105,11 +105,15 @@ def fresh(run: openeureka.Run, seeds: int) -> Record:
 
 
 def keep_replies(run: openeureka.Run) -> None:
-    """Beside this script, for `model=replay:`."""
-    name = short_name(run.config.env.partition("+")[0])
+    """Beside this script, for `model=replay:`. The first search of a task has its name, another one also its own."""
+    config = run.config
+    name = short_name(config.env.partition("+")[0])
     said = [reply.text for reply in read_replies(run.directory)]
-    kept = {"env": run.config.env, "model": run.config.model, "date": today(), "replies": said}
-    write(REPLIES / f"{name}.json", kept)
+    path = REPLIES / f"{name}.json"
+    if path.exists() and read(path)["replies"] != said:
+        own = "_".join(str(getattr(config, word)) for word in SEARCH if word != "env")
+        path = REPLIES / f"{name}_{re.sub(r'[^A-Za-z0-9]+', '_', own)}.json"
+    write(path, {"env": config.env, "model": config.model, "date": today(), "replies": said})
 
 
 def gym_rows(records: list[Record]) -> list[tuple[str, ...]]:
@@ -153,19 +157,24 @@ def _row(one: Record) -> tuple[str, ...]:
 
 
 def joined(known: list[Record], found: list[Record]) -> list[Record]:
-    """All searches, each once, as found last."""
-    return list({tuple(one[name] for name in SEARCH): one for one in [*known, *found]}.values())
+    """All searches, each once, as found last. Fresh trainings of the same best reward stay."""
+    searches: dict[tuple[object, ...], Record] = {}
+    for one in (*known, *found):
+        before = searches.get(key := tuple(one[name] for name in SEARCH), {})
+        kept = {"fresh": before["fresh"]} if "fresh" in before and before["best"] == one["best"] else {}
+        searches[key] = {**kept, **one}
+    return list(searches.values())
 
 
 if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="+")
     parser.add_argument(
-        "--fresh", type=int, default=0, metavar="SEEDS", help="train the best and the human reward again"
+        "--fresh", type=several, default=0, metavar="SEEDS", help="train the best and the human reward again"
     )
     options = parser.parse_args()
     runs = [openeureka.open_run(directory) for directory in options.directories]
     found = [record(run) | ({"fresh": fresh(run, options.fresh)} if options.fresh else {}) for run in runs]
-    RESULTS.write_text(json.dumps(joined(read(RESULTS), found), indent=1, sort_keys=True) + "\n")
+    write(RESULTS, joined(read(RESULTS), found))
     for run in runs:
         keep_replies(run)
