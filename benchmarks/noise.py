@@ -16,7 +16,7 @@ from statistics import variance
 
 import fresh
 from choosing import JUDGED
-from records import Record, command_line, correlation, keep, machine, results
+from records import Record, command_line, correlation, joined, keep, read, results
 
 import openeureka
 from openeureka.config import short_name
@@ -35,15 +35,18 @@ TITLES = (
 
 
 def measure(directory: Path) -> tuple[str, Record]:
-    """Let every trained policy of a run, that of its highest F in training, play both ways."""
-    env = openeureka.open_run(directory).config.env
+    """Let every trained policy of a run, that of its highest F in training, play both ways, beside those that are
+    known of its task."""
+    config = openeureka.open_run(directory).config
+    env = config.env
     with Store.view(directory) as store:
         lanes = [path.name for path in sorted((directory / "lanes").iterdir())]
         policies = {lane: data for lane in lanes if (data := store.lanes.policy(lane, "fitness")) is not None}
     scores = [evaluate(env, policies, seed=JUDGED, episodes=EPISODES, noise=noise) for noise in (False, True)]
     played = [{score.lane: score.fitness for score in one} for one in scores]
     both = {lane: [one[lane] for one in played] for lane in policies}
-    return env, {"alike": fresh.noisy(env), "episodes": EPISODES, "played": both, **machine("cpu")}
+    entry = {**read(RESULTS).get(env, {}), "alike": fresh.noisy(env), "episodes": EPISODES}
+    return env, joined(entry, "played", both, config, directory.name)
 
 
 def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> float | None:
@@ -76,9 +79,7 @@ def _row(env: str, row: Record) -> tuple[str, ...]:
 if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="+")
-    measured: dict[str, Record] = {}
     for directory in parser.parse_args().directories:
         env, row = measure(directory)
-        measured[env] = row | {"played": measured.get(env, row)["played"] | row["played"]}
-        keep(RESULTS, env, measured[env])
-        print(_row(env, measured[env]), flush=True)
+        keep(RESULTS, env, row)
+        print(_row(env, row), flush=True)

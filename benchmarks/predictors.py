@@ -10,13 +10,12 @@ its top. Lanes of generated rewards, of all runs of a task, stand together; equa
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import stdev
 
-from records import Record, command_line, correlation, read, results, rounded, show, today
+from records import Record, command_line, correlation, joined, read, results, rounded, show, write
 
 import openeureka
 from openeureka.numbers import number
@@ -157,12 +156,11 @@ def main() -> None:
     study = read(RESULTS)
     for directory in parser.parse_args().directories:
         run = openeureka.open_run(directory)
-        task = study.setdefault(run.config.env, {"steps": run.config.steps, "lanes": {}})
+        task = study.get(run.config.env, {"steps": run.config.steps})
         if task["steps"] != run.config.steps:
             raise SystemExit(f"{directory} trained {run.config.steps} steps, the others {task['steps']}.")
-        task["lanes"] |= lanes(run)
-        task["date"] = today()
-    RESULTS.write_text(json.dumps(study, sort_keys=True) + "\n")
+        study[run.config.env] = joined(task, "lanes", lanes(run), run.config, directory.name)
+    write(RESULTS, study)
     show(SIGNAL_TITLES, *signals(study), (), TASK_TITLES, *tasks(study))
 
 

@@ -8,13 +8,16 @@ import os
 import platform
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from openeureka.numbers import number
 from openeureka.stats import midranks, pearson
 from openeureka.types import Evaluation, Peak, TrainingResult
+
+if TYPE_CHECKING:
+    from openeureka.config import RunConfig
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks"
@@ -71,8 +74,8 @@ def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[floa
     }
 
 
-def machine(device: str) -> Record:
-    """Where and when a training was, for the record.
+def machine(device: str, *packages: str) -> Record:
+    """Where, when and with what versions of these packages, PyTorch and MuJoCo something trained or was measured.
 
     Rounding differs between kinds of processor, and training amplifies it: numbers repeat to the bit on one kind.
     """
@@ -83,8 +86,16 @@ def machine(device: str) -> Record:
         "device": torch.cuda.get_device_name(device.split(",")[0]) if device.startswith("cuda") else cores,
         "processor": processor(),
         "date": today(),
-        "versions": {name: version(name) for name in ("torch", "mujoco")},
+        "versions": {name: _version(name) for name in dict.fromkeys(("torch", "mujoco", *packages))},
     }
+
+
+def _version(package: str) -> str | None:
+    """None where it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def processor() -> str:
@@ -104,12 +115,29 @@ def interval(value: float, low: float, high: float, digits: int = 4) -> str:
 
 
 def conditions(*packages: str) -> Record:
-    """Where, when and with what speed was measured; the load is that of now."""
-    return {
-        "date": today(),
-        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
-        "versions": {name: version(name) for name in packages},
-    }
+    """What `machine` says, and what else a speed depends on; the load is that of now."""
+    found = machine("cpu", *packages)
+    speed = {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]}
+    return {"date": found.pop("date"), "versions": found.pop("versions"), "machine": {**found, **speed}}
+
+
+def joined(entry: Record, key: str, lanes: Record, config: RunConfig, name: str) -> Record:
+    """A task's record with the lanes of one more run, and with what that run was.
+
+    Args:
+        key: of the record, where its lanes stand.
+        lanes: of the run of this name.
+
+    Raises:
+        SystemExit: where another run has a lane of the same id.
+    """
+    known, runs = entry.get(key, {}), entry.get("runs", {})
+    own = runs.get(name, {}).get("lanes", ())
+    if others := [lane for lane in lanes if lane in known and lane not in own and known[lane] != lanes[lane]]:
+        raise SystemExit(f"{name} has another {others[0]} than the results, so its lanes cannot join them.")
+    settings = {word: getattr(config, word) for word in ("model", "seed", "steps", "worlds", "schedule")}
+    run = {**settings, **machine(config.device), "lanes": list(lanes)}
+    return {**entry, key: {**known, **lanes}, "runs": {**runs, name: run}}
 
 
 def rounded(value: float | None) -> float | None:
