@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import platform
 import resource
 import secrets
 import signal
@@ -23,7 +22,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +34,7 @@ os.environ |= {
     "RAY_AUTH_TOKEN": os.environ.get("RAY_AUTH_TOKEN") or secrets.token_hex(32),
 }
 
-from records import command_line, keep, results, today
+from records import command_line, conditions, keep, results
 
 from openeureka.executors import ray_node, retry, scheduler
 from openeureka.executors.local import LocalExecutor
@@ -375,13 +373,7 @@ def main() -> None:
     args = parser.parse_args()
     for name in args.part or PARTS:
         found = PARTS[name](args.tiny)
-        found |= {
-            "date": today(),
-            "cores": os.cpu_count(),
-            "load_at_end": os.getloadavg()[0],
-            "versions": {package: version(package) for package in ("ray", "torch", "mujoco")},
-            "python": platform.python_version(),
-        }
+        found |= conditions("ray")
         print(name, json.dumps(found, indent=1), flush=True)
         if not args.tiny:
             keep(RESULTS, name, found)

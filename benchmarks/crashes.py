@@ -16,7 +16,6 @@ reward's numbers, as of `eureka tune`. Steps are, by mode:
 from __future__ import annotations
 
 import os
-import platform
 import signal
 import sqlite3
 import sys
@@ -29,7 +28,7 @@ from typing import Any
 import cmaes  # noqa: F401 -- imported late, and each fork would pay for that
 import numpy  # noqa: F401 -- so is this
 import scipy.special  # noqa: F401 -- and this, by a verdict
-from records import command_line, results, today, write
+from records import command_line, machine, results, write
 
 from openeureka import strategies
 from openeureka.config import NO_MODEL, RunConfig
@@ -315,8 +314,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=place) as folder:
         found = {kind: measure(Path(folder), kind, options.stride) for kind in WHOLE}
     report = {
-        "date": today(),
-        "python": platform.python_version(),
+        **machine("cpu"),
         "sqlite": sqlite3.sqlite_version,
         "stride": options.stride,
         "runs": {kind: {mode: asdict(outcome) for mode, outcome in modes.items()} for kind, modes in found.items()},

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import statistics
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import torch
-from records import PEAKS, record
+from records import PEAKS, conditions, record
 from throughput import RAW_EPISODE
 from throughput import raw as raw_on_cpu
 from torch.profiler import ProfilerActivity, profile
@@ -65,24 +62,12 @@ class Sizes:
 
 def machine(device: str) -> Found:
     """What the numbers are measured on."""
-    found: Found = {
-        "device": device,
-        "cores": len(os.sched_getaffinity(0)),
-        "processor": platform.machine(),
-        "python": platform.python_version(),
-        "versions": {name: _version(name) for name in ("torch", "mujoco", "mujoco-warp", "warp-lang")},
-    }
+    told = conditions("mujoco-warp", "warp-lang")
+    found: Found = {**told["machine"], "versions": told["versions"], "device": device}
     if device.startswith("cuda"):
         properties = torch.cuda.get_device_properties(device)
         found |= {"gpu": properties.name, "gpu_memory_gib": round(properties.total_memory / 2**30, 1)}
     return found
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 # --- simulation ------------------------------------------------------------------------------------------------------

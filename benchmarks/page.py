@@ -17,7 +17,6 @@ import dataclasses
 import json
 import math
 import os
-import platform
 import re
 import shutil
 import signal
@@ -34,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
-from records import command_line, results, today, write
+from records import command_line, conditions, results, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
@@ -241,13 +240,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measure(Path(folder), options.pause, options.repeats)
-    found |= {
-        "date": today(),
-        "candidates": CANDIDATES,
-        "cores": os.cpu_count(),
-        "load_average": round(os.getloadavg()[0], 1),
-        "python": platform.python_version(),
-    }
+    found |= {"candidates": CANDIDATES, **conditions()}
     print(json.dumps(found, indent=1))
     write(options.out, found)
 
