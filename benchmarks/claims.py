@@ -24,12 +24,11 @@ import headline
 import longer
 import rungs
 from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
-from scipy.stats import t
 
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.numbers import number, spread
-from openeureka.stats import mean
+from openeureka.stats import mean, pooled, quantile
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
@@ -122,13 +121,11 @@ def together(groups: Iterable[tuple[list[float], list[float]]]) -> list[float]:
     together with those of the other claims."""
     shifts, errors, freedoms = [], [], []
     for own, other in groups:
-        freedom = len(own) + len(other) - 2
-        spread = ((variance(own) * (len(own) - 1) + variance(other) * (len(other) - 1)) / freedom) ** 0.5
+        spread, freedom = pooled((own, other))
         shifts.append((fmean(own) - fmean(other)) / spread)
         errors.append((1 / len(own) + 1 / len(other)) ** 0.5)
         freedoms.append(freedom)
-    sure = 1 - 0.05 / 2 / len(CLAIMS)  # who asks four questions finds something by chance more often than once in 20
-    middle, half = fmean(shifts), float(t.ppf(sure, sum(freedoms))) * hypot(*errors) / len(shifts)
+    middle, half = fmean(shifts), quantile(sum(freedoms), len(CLAIMS)) * hypot(*errors) / len(shifts)
     return [middle, middle - half, middle + half]
 
 

@@ -9,10 +9,8 @@ are asked for: F is 0 or 1. With the noise of training episodes differ. Nothing 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import variance
 
 import fresh
 from choosing import JUDGED
@@ -21,7 +19,7 @@ from records import Record, command_line, correlation, joined, keep, read, resul
 import openeureka
 from openeureka.config import short_name
 from openeureka.numbers import number
-from openeureka.stats import mean
+from openeureka.stats import mean, pooled
 from openeureka.store import Store
 from openeureka.training.evaluate import evaluate
 
@@ -56,8 +54,7 @@ def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> fl
         if (value := pair[side]) is not None:
             seeds.setdefault(lane.rpartition("-s")[0], []).append(value)
     several = [values for values in seeds.values() if len(values) >= 3]
-    squares = sum(variance(values) * (len(values) - 1) for values in several)
-    return math.sqrt(squares / sum(len(values) - 1 for values in several)) if several else None
+    return pooled(several)[0] if several else None
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:

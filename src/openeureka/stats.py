@@ -93,24 +93,34 @@ def difference(
         return None
     noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
     among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
-    freedom, alone = (sum(len(values) - 1 for values in arms) for arms in (among, noisy))
-    pooled = math.fsum(_variance(values) * (len(values) - 1) for values in among) / freedom
+    (spread, freedom), (_, alone) = pooled(among), pooled(noisy)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
     half = max(
-        _quantile(freedom, claims) * math.sqrt(sum(pooled / len(values) for values in noisy)),
-        _quantile(alone, claims) * math.sqrt(sum(_variance(values) / len(values) for values in noisy)),
+        quantile(freedom, claims) * spread * math.sqrt(sum(1 / len(values) for values in noisy)),
+        quantile(alone, claims) * math.sqrt(sum(_variance(values) / len(values) for values in noisy)),
     )
     rates = _rates(own, other)
     if rates is not None and claims * _exact(rates, len(own), len(other)) > 1 - CONFIDENCE:
         half = max(half, abs(value))
-    spread = math.sqrt(max(len(noisy) * pooled, sum(map(_variance, noisy))))
+    largest = math.sqrt(max(len(noisy) * spread**2, sum(map(_variance, noisy))))
     enough = (
         n
         for n in range(2, MOST_SEEDS + 1)
-        if _quantile(len(noisy) * (n - 1)) * spread / math.sqrt(n) < abs(value)
+        if quantile(len(noisy) * (n - 1)) * largest / math.sqrt(n) < abs(value)
         and (rates is None or _exact(rates, n, n) <= 1 - CONFIDENCE)
     )
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+def pooled(groups: Sequence[Sequence[float]]) -> tuple[float, int]:
+    """Standard deviation within groups, as if all were equally noisy, and its degrees of freedom.
+
+    Args:
+        groups: none of them empty, and one at least of two values.
+    """
+    freedom = sum(len(values) - 1 for values in groups)
+    squares = math.fsum(_variance(values) * (len(values) - 1) for values in groups if len(values) > 1)
+    return math.sqrt(squares / freedom), freedom
 
 
 def _variance(values: Sequence[float]) -> float:
@@ -198,12 +208,13 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
         return None
     if count < 2:
         return Estimate(value=centre, low=None, high=None, count=count, claims=claims)
-    spread = math.sqrt(math.fsum((value - centre) ** 2 for value in defined) / (count - 1))
-    half = _quantile(count - 1, claims) * spread / math.sqrt(count) if spread > CLOSE * abs(centre) else 0.0
+    spread, freedom = pooled([defined])
+    half = quantile(freedom, claims) * spread / math.sqrt(count) if spread > CLOSE * abs(centre) else 0.0
     return Estimate(value=centre, low=centre - half, high=centre + half, count=count, claims=claims)
 
 
-def _quantile(freedom: int, claims: float = 1) -> float:
+def quantile(freedom: int, claims: float = 1) -> float:
+    """Half of a 95 % interval in standard errors (Student's t), where so many intervals are to hold together."""
     from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 
     return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))
