@@ -2,7 +2,8 @@
 
     python benchmarks/gpu.py                                # every part of every task on cuda:0: hours
     python benchmarks/gpu.py --env humanoid --part lanes    # some of it
-    python benchmarks/gpu.py --device warp-cpu --tiny --env cartpole    # minutes without a GPU, to see that it works
+    python benchmarks/gpu.py --device warp-cpu --tiny --env cartpole --out outputs/gpu.json
+                                                            # minutes without a GPU, to see that it works
 
 The parts, in this order, each for every task:
 
@@ -153,6 +154,11 @@ def main(words: Sequence[str] | None = None) -> None:
     run(options.device, envs, kinds, sizes, options.out, options.again, options.lanes)
 
 
+def chip(where: Found) -> str:
+    """What all parts of a file are measured on: the GPU's name, or the device where it is none."""
+    return where.get("gpu") or where["device"]
+
+
 def run(
     device: str,
     envs: Sequence[str],
@@ -165,9 +171,14 @@ def run(
     """Every part that the file does not hold; of training as many lanes as `lanes` says, else all of `sizes`."""
     found = read(out) or {"parts": {}}
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
+    here = attempt(machine, device)
+    if "error" in here:
+        raise SystemExit(f"Nothing can be measured on {device}: {here['error']}")
     if found["parts"] and found["size"] != size:
         raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
-    found |= {"date": today(), "machine": attempt(machine, device), "size": size}
+    if found["parts"] and chip(found["machine"]) != chip(here):
+        raise SystemExit(f"{out} was measured on {chip(found['machine'])}; name another file with --out.")
+    found |= {"date": today(), "machine": here, "size": size}
     repeated: set[str] = set()
     for name, part, extra in plan(envs, kinds, lanes or sizes.lanes, sizes, found):
         if _done(found, name) and not (again and name not in repeated):

@@ -100,6 +100,22 @@ def test_rates_of_different_sizes_are_not_mixed(gpu, sizes, fake, tmp_path):
         gpu.run("cpu", ["ant"], ["env"], bigger, tmp_path / "gpu.json", again=False)
 
 
+def test_rates_of_different_machines_are_not_mixed(gpu, sizes, fake, tmp_path, monkeypatch):
+    out, names = tmp_path / "gpu.json", {"cuda:0": "one kind", "cuda:1": "one kind", "cuda:2": "another"}
+    monkeypatch.setattr(gpu, "machine", lambda device: {"device": device, "gpu": names[device]})
+    gpu.run("cuda:0", ["ant"], ["raw"], sizes, out, again=False)
+    gpu.run("cuda:1", ["ant"], ["env"], sizes, out, again=False)
+    before = out.read_text()
+    with pytest.raises(SystemExit, match="was measured on one kind; name another file"):
+        gpu.run("cuda:2", ["ant"], ["epoch"], sizes, out, again=False)
+    with pytest.raises(SystemExit, match="Nothing can be measured on cuda:9"):
+        gpu.run("cuda:9", ["ant"], ["epoch"], sizes, out, again=False)
+    monkeypatch.setattr(gpu, "machine", lambda device: {"device": device})
+    with pytest.raises(SystemExit, match="was measured on one kind; name another file"):
+        gpu.run("warp-cpu", ["ant"], ["epoch"], sizes, out, again=False)
+    assert out.read_text() == before
+
+
 def test_a_part_that_takes_its_process_down_is_an_error_of_that_part(gpu):
     found = gpu.attempt(os._exit, 1)
     assert found["error"].startswith("BrokenProcessPool")
