@@ -38,7 +38,10 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
 }
 """Where candidates pause, and how many of them go on; where none does, the first is chosen there."""
 MINUS = "minus `full`, 95 % interval"
-TITLES = ("schedule", "steps, of all", "cut by played F", MINUS, "cut by F in the window", MINUS)
+TITLES = (
+    *("schedule", "steps, of all", "cut by played F, ± standard error", MINUS),
+    *("cut by F in the window, ± standard error", MINUS),
+)
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,15 @@ its top. Lanes of generated rewards, of all runs of a task, stand together; equa
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from statistics import stdev
 
-from records import Record, command_line, correlation, joined, read, results, rounded, show, write
+from records import Record, command_line, correlation, interval, joined, read, results, rounded, show, write
 
 import openeureka
 from openeureka.numbers import number
 from openeureka.score import rank
-from openeureka.stats import mean
+from openeureka.stats import estimate
 
 RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
@@ -106,7 +104,7 @@ def lanes(run: openeureka.Run) -> Record:
 
 
 def signals(study: Mapping[str, Record]) -> list[list[str]]:
-    """Of each signal and share: its rank correlation with worth, mean over tasks and the standard error of that."""
+    """Of each signal and share: its rank correlation with worth, mean over tasks and the 95 % interval of that."""
     return [
         [title, *(_over([correlation(*_columns(task, title, place)) for task in study.values()]) for place in PLACES)]
         for title in SIGNALS
@@ -137,9 +135,11 @@ def _columns(task: Record, title: str, place: int) -> tuple[list[float], list[fl
 
 
 def _over(found: Sequence[float | None]) -> str:
-    """Mean and standard error. A signal that is the same for all lanes of a task tells nothing of it: 0."""
-    told = [value or 0.0 for value in found]
-    return f"{number(mean(told), 2)} ± {number(stdev(told) / math.sqrt(len(told)), 2)}"
+    """Mean and interval. A signal that is the same for all lanes of a task tells nothing of it: 0."""
+    over = estimate([value or 0.0 for value in found])
+    if over is None or over.low is None or over.high is None:
+        return number(over.value if over is not None else None, 2)
+    return interval(over.value, over.low, over.high, digits=2)
 
 
 def _cell(signals: Sequence[float], worths: Sequence[float]) -> str:

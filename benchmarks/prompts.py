@@ -34,7 +34,10 @@ RECIPES: Mapping[str, Mapping[str, float]] = {
     "ballbalance": {"worlds": 64, "horizon": 32, "noise": 0.4},
 }
 """What is other than in the task's recipe, see docs/concepts/schedule.md."""
-TITLES = ("task", "advice", "accepted", "trainings", "F, mean over rewards", "the best reward", "the human one")
+TITLES = (
+    *("task", "advice", "accepted", "trainings", "F, mean over rewards ± standard error"),
+    *("the best reward", "the human one"),
+)
 
 
 def measure(env: str, seed: int) -> None:
