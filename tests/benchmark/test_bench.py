@@ -12,9 +12,10 @@ import pytest
 import yaml
 
 import openeureka
-from openeureka.benchmark import figures
+from openeureka.benchmark import bench, figures
 from openeureka.benchmark.plan import Cell
 from openeureka.cli import main as command
+from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError, StoreError, TaskError
 from openeureka.ui import folder
 
@@ -68,6 +69,27 @@ def test_cells_are_ordinary_runs_and_the_page_has_a_table_and_a_panel(tmp_path):
     assert [(row["arm"], row["seeds"]) for row in rows] == [("full", 2), ("weaker", 2)]
     reports = re.findall(r'href="(cartpole-[^"]*)"', page)
     assert len(reports) == 4 and all((tmp_path / "bench" / report).is_file() for report in reports)
+
+
+def test_its_file_says_of_what_plan_it_is_and_when_and_with_what_each_cell_ran(tmp_path, monkeypatch):
+    def written() -> dict:
+        return json.loads((tmp_path / "bench" / "bench.json").read_text())
+
+    def ran(version: str) -> dict:
+        return {"date": "2026-11-28", "device": "cpu", "versions": {"torch": version}}
+
+    monkeypatch.setattr(bench, "_conditions", lambda config: ran("1"))
+    one = {**PLAN, "arms": {"full": PLAN["arms"]["full"]}}
+    openeureka.bench(one, dir=tmp_path / "bench")
+    assert written()["begun"] == {f"cartpole-full-{seed}": ran("1") for seed in (0, 10)}
+    assert written()["plan"]["arms"] == one["arms"] and written()["plan"]["settings"]["sample"] == 2
+    monkeypatch.setattr(bench, "_conditions", lambda config: ran("2"))
+    openeureka.bench(PLAN, dir=tmp_path / "bench")
+    found = written()["begun"]
+    assert found["cartpole-full-0"] == ran("1"), "it was read, not run"
+    assert found["cartpole-weaker-0"] == ran("2")
+    monkeypatch.undo()
+    assert set(bench._conditions(RunConfig(device="cuda"))) == {"date", "device", "versions"}
 
 
 def test_one_arm_is_compared_with_none(tmp_path):

@@ -79,6 +79,18 @@ def test_a_search_that_trained_nothing_is_no_measure_and_is_not_hidden():
     assert table.tables()[0].rows[1][6] == "- (1 undefined)"
 
 
+def test_a_search_that_had_played_nothing_by_then_is_said_to_be_left_out():
+    table = compared(
+        *(result("cartpole", "full", seed, 9.0, search_steps=200, curve=((150, 7.0),)) for seed in (0, 1)),
+        result("cartpole", "random", 0, 9.0, search_steps=120, curve=((60, 3.0),)),
+    )
+    by_task, _ = table.tables()
+    matched = by_task.titles.index("F played, matched steps")
+    # With the seed 0 at 120 steps, before the first was played; with the seed 1 alone at its own 200.
+    assert [row[matched] for row in by_task.rows[:2]] == ["7 (1 undefined)", "3"]
+    assert "takes the means of both for exact" in by_task.note
+
+
 def test_a_first_arm_without_a_result_is_said_to_be_compared_with_nothing():
     alone = compared(result("cartpole", "full", 0, None), result("cartpole", "random", 0, 9.0)).tables()[0]
     assert "more than full" not in alone.titles and alone.note.endswith("the first arm, full, has no F held out.")

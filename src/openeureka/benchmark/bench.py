@@ -6,11 +6,13 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
+from ..executors.ray_node import versions
 from ..parsing import short_path, whole_path
 from ..report import html
 from ..report.build import build
@@ -37,6 +39,9 @@ class Bench:
     compared: Comparison
     failures: Mapping[str, EurekaError] = field(default_factory=dict[str, EurekaError])
     """By the name of a cell: why it could not be finished this time."""
+    begun: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Mapping[str, Any]])
+    """By the name of a cell: date, device and versions when the call began that ran it last; nothing where a version
+    ran it that did not write them down."""
 
     @property
     def plan(self) -> Plan:
@@ -71,8 +76,10 @@ class Bench:
             "totals": [asdict(row) for row in self.totals],
             "cells": [asdict(result) for result in self.results],
             "failed": {name: str(error) for name, error in self.failures.items()},
+            "plan": asdict(self.plan),
+            "begun": self.begun,
         }
-        artifacts.write(self.directory, JSON, json.dumps(facts, indent=1) + "\n")
+        artifacts.write(self.directory, JSON, json.dumps(facts, indent=1, default=str) + "\n")
         template = html.environment().get_template("bench.html")
         artifacts.write(self.directory, PAGE, template.render(bench=self, run=None, best=None))
 
@@ -156,7 +163,10 @@ def _cells(
 ) -> None:
     failures: dict[str, EurekaError] = {}
     results = {cell: _read(cell, directory / cell.name, failures) for cell in configs}
-    _renew(plan, directory, results, failures, tell)
+    known = _begun(directory)
+    missing = {cell.name: _conditions(config) for cell, config in configs.items() if results[cell] is None}
+    begun = {cell.name: known[cell.name] for cell in configs if cell.name in known} | missing
+    _renew(plan, directory, results, failures, begun, tell)
     for number, (cell, config) in enumerate(configs.items(), start=1):
         place = directory / cell.name
         if results[cell] is not None and artifacts.exists(place, "report.html"):
@@ -170,7 +180,19 @@ def _cells(
             failures[cell.name] = error
             say(f"{cell.name} failed: {error}")
         results[cell] = _read(cell, place, failures)
-        _renew(plan, directory, results, failures, tell)
+        _renew(plan, directory, results, failures, begun, tell)
+
+
+def _conditions(config: RunConfig) -> Mapping[str, Any]:
+    return {"date": datetime.now(UTC).date().isoformat(), "device": config.device, "versions": versions()}
+
+
+def _begun(directory: Path) -> Mapping[str, Mapping[str, Any]]:
+    """What the file of an earlier call says of its cells."""
+    try:
+        return json.loads(artifacts.read(directory, JSON) or "{}").get("begun", {})
+    except ValueError:
+        return {}
 
 
 def _read(cell: Cell, place: Path, failures: dict[str, EurekaError]) -> figures.Result | None:
@@ -220,9 +242,10 @@ def _renew(
     directory: Path,
     results: Mapping[Cell, figures.Result | None],
     failures: Mapping[str, EurekaError],
+    begun: Mapping[str, Mapping[str, Any]],
     tell: Callable[[Bench], object],
 ) -> None:
     finished = tuple(result for result in results.values() if result is not None)
-    now = Bench(directory, Comparison(plan, finished), dict(failures))
+    now = Bench(directory, Comparison(plan, finished), dict(failures), begun)
     now.write()
     tell(now)

@@ -164,7 +164,7 @@ class Comparison:
         return (
             "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
             "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one, or -1 where that is "
-            "below the sparse one; clipped to 0 and 3. "
+            "below the sparse one; clipped to 0 and 3. Its interval takes the means of both for exact. "
             f"F played, matched steps: the best of the search when it had spent what the cheapest arm did.{paired}"
         )
 
@@ -196,7 +196,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         row.arm,
         str(row.seeds),
         *(f"{steps:,.0f}" if steps is not None else "-" for steps in (row.search_steps, row.steps)),
-        shown(row.matched),
+        _with_missing(row.matched, row.seeds),
         _with_missing(row.held_out, row.seeds),
         shown(row.score),
         *_decided(row.difference),
@@ -213,7 +213,7 @@ def _spent(row: Row | Total) -> Iterable[str]:
 
 
 def _with_missing(found: Estimate | None, count: int) -> str:
-    """Searches that found nothing are no part of a mean, and that has to be said."""
+    """Searches that have no value are no part of a mean, and that has to be said."""
     missing = count - (found.count if found is not None else 0)
     return f"{shown(found)} ({missing} undefined)" if missing else shown(found)
 
