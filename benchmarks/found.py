@@ -46,14 +46,13 @@ def measure() -> dict[str, Any]:
     return {
         "settings": " ".join(SETTINGS),
         **machine("cpu"),
-        "held_out": {name: _seeds(lanes, name, "held_out_fitness") for name in AUTHORS},
-        "in_training": {name: _seeds(lanes, name, "fitness") for name in AUTHORS},
+        "held_out": {name: _seeds(lanes, name) for name in AUTHORS},
     }
 
 
-def _seeds(lanes: Iterable[dict[str, Any]], name: str, key: str) -> list[float]:
-    """A value a seed, in their order."""
-    return [lane[key] for lane in sorted(lanes, key=lambda lane: lane["seed"]) if lane["reward"] == name]
+def _seeds(lanes: Iterable[dict[str, Any]], name: str) -> list[float]:
+    """Held-out F of each seed, in their order."""
+    return [lane["held_out_fitness"] for lane in sorted(lanes, key=lambda lane: lane["seed"]) if lane["reward"] == name]
 
 
 def markdown() -> str:

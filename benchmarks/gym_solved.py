@@ -78,8 +78,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     options = parser.parse_args()
     for env in options.env or STEPS:
-        if env not in read(RESULTS):
+        known = read(RESULTS).get(env)
+        if known is None:
             keep(RESULTS, env, measure(env, options.seeds))
+        elif len(known["lanes"]) != options.seeds:
+            print(f"{env} is known with {len(known['lanes'])} seeds, and not trained again.")
         show(*rows({env: read(RESULTS)[env]}))
 
 

@@ -123,6 +123,16 @@ def confirm(env: str, count: int) -> Record:
     return look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
 
 
+def confirmed(env: str, count: int) -> str:
+    """What other seeds say of a row, which are trained where there are none, or none that play with noise."""
+    row = read(RESULTS)[env]
+    known = row.get("confirmed")
+    if known is None or (not known.get("noisy") and fresh.noisy(env)):
+        known = confirm(env, count)
+        keep(RESULTS, env, row | {"confirmed": known})
+    return f"{short_name(env)}, known with {len(known['seeds'])} seeds: {interval(*known['difference'], digits=3)}"
+
+
 def look(trained: fresh.Trained, human: Sequence[float], generated: Sequence[float]) -> Record:
     """What trainings with other seeds say of a row."""
     scores = {"generated": generated, "human": human, "difference": fresh.between(human, generated)}
@@ -320,10 +330,12 @@ def left(measured: Mapping[str, Record]) -> str:
 
 if __name__ == "__main__":
     parser = command_line(__doc__)
-    parser.add_argument("--env", nargs="+")
+    parser.add_argument("--env", nargs="+", choices=load(PLAN).tasks, metavar="TASK", help="of the plan")
     parser.add_argument("--left", action="store_true")
     parser.add_argument("--again", choices=sorted(read(RESULTS)), nargs="+", help="rows that are known")
-    parser.add_argument("--confirm", type=int, default=0, metavar="SEEDS", help="more seeds for rows that are known")
+    parser.add_argument(
+        "--confirm", type=fresh.several, default=0, metavar="SEEDS", help="more seeds for rows that are known"
+    )
     options = parser.parse_args()
     whole = load(PLAN)
     if options.left:
@@ -332,13 +344,10 @@ if __name__ == "__main__":
         for env in options.again:
             print(repeat(whole, env), flush=True)
     elif options.confirm:
+        if unknown := [env for env in options.env or () if env not in read(RESULTS)]:
+            parser.error(f"{unknown[0]} has no row yet: without --confirm it is measured.")
         for env in options.env or read(RESULTS):
-            row = read(RESULTS)[env]
-            known = row.get("confirmed")
-            if known is None or (not known.get("noisy") and fresh.noisy(env)):
-                row = row | {"confirmed": confirm(env, options.confirm)}
-                keep(RESULTS, env, row)
-            print(f"{short_name(env)}: {interval(*row['confirmed']['difference'], digits=3)}", flush=True)
+            print(confirmed(env, options.confirm), flush=True)
         print(summary(read(RESULTS)))
     else:
         for env in options.env or whole.tasks:

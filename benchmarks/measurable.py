@@ -68,9 +68,12 @@ def main() -> None:
         show(_row(tiny, measure(tiny, 1, OUTPUTS / "measurable_bench" / "tiny", steps=2048, worlds=32)))
         return
     for env in options.env or ENVS:
-        if env not in read(RESULTS):
+        known = read(RESULTS).get(env)
+        if known is None:
             found = measure(env, SEEDS, OUTPUTS / "measurable_bench", steps=options.steps)
             keep(RESULTS, env, found)
+        elif options.steps not in (0, known["steps"]):
+            print(f"{env} is known with {known['steps']:,} steps, and not trained again.")
         show(_row(env, read(RESULTS)[env]))
 
 

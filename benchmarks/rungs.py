@@ -102,7 +102,10 @@ def judged(env: str, replies: Iterable[str]) -> Iterator[tuple[Candidate, Reward
 def programs(env: str) -> dict[str, RewardProgram]:
     """The accepted rewards among a strong model's replies to the first prompt of a search, and the human one."""
     path = FOLDER / "choosing" / f"{env}.json"
-    own = accepted(env, json.loads(path.read_text())["replies"]) if path.exists() else {}
+    if not path.exists():
+        print(f"{env} has no replies in {path.parent}: the human reward trains alone.", flush=True)
+        return {"human": "human"}
+    own = accepted(env, json.loads(path.read_text())["replies"])
     return {"human": "human", **own}
 
 

@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from importlib.metadata import version
 from pathlib import Path
 from random import Random
 
 import fresh
 from headline import PLAN
 from headline import RESULTS as HEADLINE
-from records import OUTPUTS, Record, command_line, conditions, interval, keep, read, results
+from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results
 
 import openeureka
 from openeureka.benchmark.plan import load
@@ -80,7 +81,6 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
             for name, key in (("before", ORIGINAL), ("after", found.after))
             if key in found.arms
         },
-        "in_training": {name: list(arm.training) for name, arm in found.arms.items()},
         "difference": [difference.value, difference.low, difference.high] if difference is not None else None,
         "numbers": [
             {
@@ -95,7 +95,7 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
         ],
         "played": [trial.played for trial in found.trials],
         "components": {name: list(pair) for name, pair in found.components.items()},
-        **conditions("torch", "mujoco", "cmaes"),
+        **conditions(options.device),
     }
 
 
@@ -113,8 +113,34 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
         "seeds": trained.seeds,
         "held_out": {"before": before, "after": after},
         "difference": fresh.between(before, after),
-        **conditions("torch", "mujoco", "cmaes"),
+        **conditions(options.device),
     }
+
+
+def once(name: str, options: argparse.Namespace) -> str:
+    """What a tuning found, which is repeated no more than its file knows."""
+    known = read(options.out).get(name)
+    if known is not None:
+        return f"known with {known['settings']['trials']} trials. {known['verdict']}"
+    found = measure(*name.split("/")[:2], options)
+    keep(options.out, name, found)
+    return found["verdict"]
+
+
+def again(name: str, options: argparse.Namespace) -> str:
+    """What other seeds say of a tuning that is known; they train where there are none."""
+    known = read(options.out)[name]
+    found = known.get("confirmed")
+    if found is None:
+        found = confirm(name, options)
+        keep(options.out, name, known | {"confirmed": found})
+    return f"known with {len(found['seeds'])} seeds, {interval(*found['difference'], digits=3)}"
+
+
+def conditions(device: str) -> Record:
+    """Where, when and with what versions, that of the method which fits included."""
+    found = machine(device)
+    return {**found, "versions": {**found["versions"], "cmaes": version("cmaes")}}
 
 
 def way_back(own: Record, reference: Record) -> float | None:
@@ -170,24 +196,16 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(KINDS), help="separated by commas")
     for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
         parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
-    parser.add_argument("--confirm", type=int, default=0, help="fresh seeds for what is known already")
+    parser.add_argument("--confirm", type=fresh.several, default=0, help="fresh seeds for what is known already")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--outputs", type=Path, default=OUTPUTS / "tune")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    for task in options.tasks.split(","):
-        for kind in options.kinds.split(","):
-            name = f"{task}/{kind}/{options.seed}"
-            known = read(options.out)
-            if name in known and options.confirm and "confirmed" not in known[name]:
-                found = known[name] | {"confirmed": confirm(name, options)}
-                keep(options.out, name, found)
-                print(f"{task}, {kind}: {interval(*found['confirmed']['difference'], digits=3)}", flush=True)
-            if name in known:
-                continue
-            record = measure(task, kind, options)
-            keep(options.out, name, record)
-            print(f"{task}, {kind}: {record['verdict']}", flush=True)
+    names = [f"{task}/{kind}/{options.seed}" for task in options.tasks.split(",") for kind in options.kinds.split(",")]
+    if options.confirm and (unknown := [name for name in names if name not in read(options.out)]):
+        parser.error(f"{unknown[0]} is not measured yet: without --confirm it is.")
+    for name in names:
+        print(f"{name}: {again(name, options) if options.confirm else once(name, options)}", flush=True)
 
 
 if __name__ == "__main__":
