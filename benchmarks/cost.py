@@ -1,10 +1,11 @@
 """What a training step costs beside bare physics, part by part, in CPU time: a busy machine matters less.
 
     python benchmarks/cost.py                                   # the tasks below; some minutes
-    python benchmarks/cost.py --env ant --worlds 512 --repeats 5
+    python benchmarks/cost.py --env ant --repeats 5             # one of them, whose row alone is replaced
 
 Bare physics and training take turns in one process; the ratio is that of the median costs of one environment step, all
-threads together. `benchmarks/throughput.py` has the like in steps a second of wall time.
+threads together. Bare physics never resets here. In `benchmarks/throughput.py`, which counts steps a second of wall
+time, raw stepping does.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ import json
 import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from mujoco.batch import Batch
-from records import command_line, conditions, results, write
+from records import Record, command_line, conditions, keep, results
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
@@ -32,6 +33,11 @@ TASKS = (
     *("allegro_hand", "shadow_hand", "shadow_hand_spin"),
     *("shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle"),
 )
+TITLES = (
+    *("", "bare physics", "training", "of it: physics", "resets", "state, observation", "policy", "update"),
+    "bare / training",
+)
+SHOWN = ("physics", "resets", "state and observation", "policy", "update")
 LANES = 2
 EPOCHS = 2
 RAW_STEPS = 32  # control steps of bare physics
@@ -39,7 +45,7 @@ RAW_STEPS = 32  # control steps of bare physics
 clock = time.process_time
 
 
-def raw(env: str, worlds: int) -> float:
+def bare(env: str, worlds: int) -> float:
     """CPU seconds per environment step of bare `mujoco.batch` under random controls."""
     task = registry.get(env)
     model = task.compile_model()
@@ -91,21 +97,35 @@ def _timed(function: Callable[..., Any], part: str, spent: dict[str, float]) -> 
     return call
 
 
-def measure(env: str, worlds: int, repeats: int) -> dict[str, object]:
+def measure(env: str, worlds: int, repeats: int) -> Record:
     """Microseconds of CPU time per environment step."""
     worlds = worlds or registry.get(env).recipe.worlds
-    pairs = [(raw(env, LANES * worlds), training(env, worlds)) for _ in range(repeats)]
-    bare, whole = [pair[0] for pair in pairs], [pair[1][0] for pair in pairs]
+    pairs = [(bare(env, LANES * worlds), training(env, worlds)) for _ in range(repeats)]
+    physics, whole = [pair[0] for pair in pairs], [pair[1][0] for pair in pairs]
     parts = {part: round(1e6 * statistics.median(found[part] for _, (_, found) in pairs), 1) for part in pairs[0][1][1]}
     return {
         "worlds_per_lane": worlds,
         "lanes": LANES,
-        "raw_us": [round(1e6 * seconds, 1) for seconds in bare],
+        "bare_us": [round(1e6 * seconds, 1) for seconds in physics],
         "training_us": [round(1e6 * seconds, 1) for seconds in whole],
-        "training_over_raw_speed": round(statistics.median(bare) / statistics.median(whole), 3),
-        "raw_physics_steps_per_cpu_second": round(registry.get(env).substeps / statistics.median(bare)),
+        "training_over_bare_speed": round(statistics.median(physics) / statistics.median(whole), 3),
+        "bare_physics_steps_per_cpu_second": round(registry.get(env).substeps / statistics.median(physics)),
         "parts_us": parts,
+        **conditions("mujoco", "torch"),
     }
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """A row a task, in microseconds."""
+    return [
+        [env, *(f"{value:.0f}" for value in _microseconds(found)), f"{found['training_over_bare_speed']:.2f}"]
+        for env, found in measured.items()
+    ]
+
+
+def _microseconds(found: Record) -> list[float]:
+    whole = [statistics.median(found[name]) for name in ("bare_us", "training_us")]
+    return [*whole, *(found["parts_us"][part] for part in SHOWN)]
 
 
 def main() -> None:
@@ -116,17 +136,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     torch.set_num_threads(1)  # threads that wait by spinning would count as work
-    found: dict[str, object] = {}
     for env in options.env or TASKS:
-        found[env] = measure(env, options.worlds, options.repeats)
-        print(env, json.dumps(found[env]), flush=True)
-    write(
-        options.out,
-        {
-            **conditions("mujoco", "torch"),
-            "tasks": found,
-        },
-    )
+        found = measure(env, options.worlds, options.repeats)
+        keep(options.out, env, found)
+        print(env, json.dumps(found), flush=True)
 
 
 if __name__ == "__main__":

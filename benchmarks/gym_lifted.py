@@ -1,7 +1,7 @@
 """How much faster Gymnasium's MuJoCo environments step on lanes than in Gymnasium's own vector environment.
 
     python benchmarks/gym_lifted.py            all ten, about five minutes
-    python benchmarks/gym_lifted.py Ant        some of them
+    python benchmarks/gym_lifted.py Ant        some of them, whose rows alone are replaced
 
 Both sides step under random actions, with observations, rewards and resets, in turn and several times: the ratio is of
 medians of one run. Lanes take all cores. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, so
@@ -15,11 +15,12 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import torch
-from records import Record, command_line, conditions, results, write
+from records import Record, command_line, conditions, keep, results
 
 from openeureka.tasks import registry
 
@@ -64,16 +65,31 @@ def _rate(step: Callable[[], object], worlds: int, steps: int) -> float:
     return worlds * steps / (time.perf_counter() - started)
 
 
-def rows(measured: Record) -> list[list[str]]:
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     """A row an environment."""
-    environments: Record = measured["environments"]
-    cores: int = measured["machine"]["cores"]
     return [
-        [f"{name}-v5", f"{rates['lanes']:,}", f"{theirs(rates):,}", f"{found['ratio']:g}", f"{each:.1f}"]
-        for name, found in environments.items()
-        for rates in (found["steps_per_second"],)
-        for each in (per_core(rates, cores),)
+        [f"{name}-v5", f"{rates['lanes']:,}", f"{theirs(rates):,}", f"{measured[name]['ratio']:g}", f"{each:.1f}"]
+        for name in NAMES
+        if name in measured
+        for rates in (measured[name]["steps_per_second"],)
+        for each in (per_core(rates, measured[name]["machine"]["cores"]),)
     ]
+
+
+def measure(name: str, worlds: int, steps: int) -> Record:
+    """Each arm in turn, several times."""
+    cores = os.cpu_count() or 1
+    arms = {
+        "lanes": lambda: lifted(name, worlds, steps),
+        "gymnasium, one process": lambda: vector(name, worlds, steps, "sync"),
+        # A process for each environment: more of them than cores only wait for each other.
+        "gymnasium, a process a core": lambda: vector(name, cores, steps, "async"),
+    }
+    rounds = [{arm: run() for arm, run in arms.items()} for _ in range(ROUNDS)]
+    rates = {arm: round(statistics.median(each[arm] for each in rounds)) for arm in arms}
+    ratio = round(rates["lanes"] / theirs(rates), 2)
+    told = conditions("mujoco", "torch", "gymnasium")
+    return {"steps_per_second": rates, "ratio": ratio, "worlds": worlds, **told}
 
 
 def theirs(rates: Mapping[str, int]) -> int:
@@ -91,21 +107,12 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=NAMES)
     parser.add_argument("--worlds", type=int, default=256)
     parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--out", type=Path, default=RESULTS)
     given = parser.parse_args()
-    cores = os.cpu_count() or 1
-    found: dict[str, Any] = {}
     for name in given.names:
-        arms = {
-            "lanes": lambda name=name: lifted(name, given.worlds, given.steps),
-            "gymnasium, one process": lambda name=name: vector(name, given.worlds, given.steps, "sync"),
-            # A process for each environment: more of them than cores only wait for each other.
-            "gymnasium, a process a core": lambda name=name: vector(name, cores, given.steps, "async"),
-        }
-        rounds = [{arm: run() for arm, run in arms.items()} for _ in range(ROUNDS)]
-        rates = {arm: round(statistics.median(each[arm] for each in rounds)) for arm in arms}
-        found[name] = {"steps_per_second": rates, "ratio": round(rates["lanes"] / theirs(rates), 2)}
-        print(f"{name}: {rates}, {found[name]['ratio']} times as fast")
-    write(RESULTS, {**conditions("mujoco", "torch", "gymnasium"), "worlds": given.worlds, "environments": found})
+        found = measure(name, given.worlds, given.steps)
+        keep(given.out, name, found)
+        print(f"{name}: {found['steps_per_second']}, {found['ratio']} times as fast", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """What the samples of a language model are worth: how many can be trained, how different they are, what F they reach.
 
     python benchmarks/local_model.py                                   # five tasks, model and control; hours on 2 cores
-    python benchmarks/local_model.py --env ant --model local --no-train # one look, without training
+    python benchmarks/local_model.py --env ant --model local --no-train # one look, without training; kept nowhere
 
 An arm is the first generation of a search (`outputs/local_model/TASK/MODEL`): every accepted program trains as one lane
 of one population, beside the human and the sparse reward, with the same seed. `random` draws from the model's grammar
@@ -17,7 +17,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, command_line, keep, machine, results
+from records import OUTPUTS, Record, command_line, keep, machine, read, results
 
 import openeureka
 from openeureka.errors import EurekaError
@@ -106,13 +106,21 @@ def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
     one = next(iter(arms.values()))
     human = one.results.get(lane_id("human", options.seed))
     return {
-        **machine("cpu"),
-        "seed": options.seed,
-        "temperature": options.temperature,
-        "env_steps_per_lane": one.config.steps or registry.get(env).recipe.env_steps,
+        **shared(env, options),
         "human": human.fitness if human is not None else None,
-        "arms": {model: report(arm) for model, arm in arms.items()},
+        "arms": {model: {**report(arm), **machine("cpu")} for model, arm in arms.items()},
     }
+
+
+def shared(env: str, options: argparse.Namespace) -> Record:
+    """The settings that all arms of a row have."""
+    steps = int(options.steps or STEPS.get(env) or registry.get(env).recipe.env_steps)
+    return {"seed": options.seed, "temperature": options.temperature, "env_steps_per_lane": steps}
+
+
+def joined(known: Record, found: Record) -> Record:
+    """A row with these arms, and with those that it has of other models."""
+    return {**known, **found, "arms": known.get("arms", {}) | found["arms"]}
 
 
 def main() -> None:
@@ -128,8 +136,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=results("local_model"))
     options = parser.parse_args()
     for env in options.env or STEPS:
+        known, wanted = read(options.out).get(env, {}), shared(env, options)
+        if options.train and any(known.get(name, value) != value for name, value in wanted.items()):
+            had = ", ".join(f"{name} {known[name]}" for name in wanted)
+            raise SystemExit(f"{env} was measured with {had}; name another file with --out.")
         found = measure(env, options)
-        keep(options.out, env, found)
+        if options.train:
+            keep(options.out, env, joined(known, found))
         for model, arm in found["arms"].items():
             accepted, fitness = f"{arm['accepted']} of {arm['samples']} accepted", arm["fitness"]
             print(f"{env}, {model}: {accepted}, F best {fitness['best']}, median {fitness['median']}")

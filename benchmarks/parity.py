@@ -1,13 +1,14 @@
-"""One lane of the population trainer against rsl_rl's PPO: same task, reward, network, batch, steps and seeds.
+"""One lane of the population trainer against rsl_rl's PPO: same task, reward, network, batch, steps and seeds. A
+sentence of docs/concepts/training.md.
 
-    python benchmarks/parity.py                    # needs the extra `bench`; Ant, 3 seeds, about 15 minutes on 2 cores
-    python benchmarks/parity.py --steps 20000      # a look
+    python benchmarks/parity.py                    # needs the extra `bench`; Ant, 3 seeds, about 5 minutes on 2 cores
+    python benchmarks/parity.py --tiny             # one seed of 20,000 steps, to see that it works; kept nowhere
 
 What differs on purpose: rsl_rl keeps actor and critic apart, shuffles minibatches, measures the divergence from the
 policy that collected the data, and values a time-out by the state before it. Its first means are as the weights give
-them, whatever the recipe's `head`. Both receive the human reward times the
-recipe's scale; F comes from the environment, which neither learner can change. Our side is a run for each seed under
-`outputs/parity/`: what is trained there is not trained again.
+them, whatever the recipe's `head`. Both receive the human reward times the recipe's scale; F comes from the
+environment, which neither learner can change. Our side is a run for each seed under `outputs/parity/`: what is trained
+there is not trained again.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import contextlib
 import io
 import statistics
 import time
+from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -23,20 +25,20 @@ from typing import Any
 
 import torch
 from ledger import learn
-from records import OUTPUTS, command_line, results, write
-from rsl_rl.env import VecEnv
-from rsl_rl.runners import OnPolicyRunner
-from tensordict import TensorDict
+from records import OUTPUTS, Record, command_line, interval, keep, machine, results
 from throughput import sleep_when_idle
 
 from openeureka.config import TrainConfig
+from openeureka.numbers import number, spread
+from openeureka.stats import difference
 from openeureka.tasks import registry
 
+RESULTS = results("parity")
 TAIL = 0.1  # the share of epochs at the end whose mean F is compared
 
 
-class Adapter(VecEnv):
-    """A task as rsl_rl wants it; keeps the score and its weight of every step."""
+class Adapter:
+    """A task as an environment of rsl_rl; keeps the score and its weight of every step."""
 
     def __init__(self, env: str, worlds: int, seed: int) -> None:
         self.simulation = registry.make(env, worlds=worlds, lane_seeds=[seed])
@@ -47,10 +49,12 @@ class Adapter(VecEnv):
         self.scores: list[tuple[float, float]] = []
         self.observation = self.simulation.reset()
 
-    def get_observations(self) -> TensorDict:
+    def get_observations(self) -> Any:
+        from tensordict import TensorDict  # as rsl_rl, only needed here: pages read what was measured without them
+
         return TensorDict({"policy": self.observation}, batch_size=[self.num_envs])
 
-    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+    def step(self, actions: torch.Tensor) -> tuple[Any, torch.Tensor, torch.Tensor, dict[str, Any]]:
         step = self.simulation.step(actions)
         value, weight = step.score
         self.scores.append((float((value * weight).sum()), float(weight.sum())))
@@ -101,6 +105,8 @@ def configuration(env: str) -> dict[str, Any]:
 
 def theirs(env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | None], float]:
     """F of every epoch, and seconds."""
+    from rsl_rl.runners import OnPolicyRunner
+
     started = time.perf_counter()
     horizon = registry.get(env).recipe.horizon
     torch.manual_seed(seed)
@@ -137,7 +143,6 @@ def compare(env: str, steps: int, worlds: int, seeds: int, folder: Path) -> dict
     means = {name: statistics.fmean(values) for name, values in finals.items()}
     spreads = {name: statistics.stdev(values) if seeds > 1 else None for name, values in finals.items()}
     return {
-        "env": env,
         "env_steps": epochs * epoch,
         "worlds": worlds,
         "final_fitness": finals,
@@ -145,23 +150,44 @@ def compare(env: str, steps: int, worlds: int, seeds: int, folder: Path) -> dict
         "standard_deviation": spreads,
         "difference": means["ours"] - means["rsl_rl"],
         "runs": found,
+        **machine("cpu"),
         "versions": {name: version(name) for name in ("mujoco", "torch", "rsl-rl-lib")},
     }
+
+
+def sentence(measured: Mapping[str, Record]) -> str:
+    """How far apart both end on each task, and which is quicker."""
+    return " ".join(_sentence(env, found) for env, found in measured.items()) + "\n"
+
+
+def _sentence(env: str, found: Record) -> str:
+    ours, theirs = (found["final_fitness"][name] for name in ("ours", "rsl_rl"))
+    seconds = [statistics.fmean(run["seconds"] for run in found["runs"][name]) for name in ("ours", "rsl_rl")]
+    apart = difference(ours, theirs)
+    between = f": a difference of {interval(apart.value, apart.low, apart.high, digits=2)}" if apart else ""
+    return (
+        f"On `{env}`, F of the last tenth of {found['env_steps']:,} steps is {spread(ours)} with one lane and "
+        f"{spread(theirs)} with rsl_rl's PPO ({len(ours)} seeds){between}. rsl_rl's takes "
+        f"{number(seconds[1] / seconds[0], 2)} times as long."
+    )
 
 
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", default="ant")
-    parser.add_argument("--steps", type=int, default=3_000_000, help="environment steps of each run")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="of each run, down to whole epochs")
     parser.add_argument("--worlds", type=int, default=512)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "parity", help="where the runs are kept")
-    parser.add_argument("--out", type=Path, default=results("parity"))
+    parser.add_argument("--tiny", action="store_true", help="one seed of 20,000 steps, kept nowhere")
+    parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     sleep_when_idle()
-    found = compare(options.env, options.steps, options.worlds, options.seeds, options.dir)
+    steps, seeds = (20_000, 1) if options.tiny else (options.steps, options.seeds)
+    found = compare(options.env, steps, options.worlds, seeds, options.dir)
     print(f"ours - rsl_rl: {found['difference']:+.3f}; spread over seeds {found['standard_deviation']}")
-    write(options.out, found)
+    if not options.tiny:
+        keep(options.out, options.env, found)
 
 
 if __name__ == "__main__":

@@ -16,4 +16,4 @@ def test_the_parts_of_a_training_step_are_within_its_cost(monkeypatch: pytest.Mo
     (whole,) = found["training_us"]
     assert min(found["parts_us"].values()) > 0.0
     assert sum(found["parts_us"].values()) <= 1.01 * whole  # each is rounded to 0.1 of hundreds
-    assert found["training_over_raw_speed"] == pytest.approx(found["raw_us"][0] / whole, rel=0.05)
+    assert found["training_over_bare_speed"] == pytest.approx(found["bare_us"][0] / whole, rel=0.05)
