@@ -27,6 +27,7 @@ import choices
 import choosing
 import claims
 import cluster
+import cost
 import found
 import generations
 import gpu
@@ -39,6 +40,7 @@ import make_run
 import measurable
 import mended
 import noise
+import parity
 import polish
 import predictors
 import prompts
@@ -46,6 +48,7 @@ import randomise
 import reachable
 import robust
 import rungs
+import throughput
 import tune
 import verdicts
 import words
@@ -181,6 +184,12 @@ def parts() -> Mapping[str, Mapping[str, str]]:
             "choices": _table(choices.TITLES, choices.rows()),
         },
         "docs/concepts/loop.md": {"prompts": _rows(prompts)},
+        "docs/concepts/training.md": {
+            "parity": parity.sentence(read(parity.RESULTS)),
+            "rivals": throughput.sentence(read(throughput.RESULTS)),
+            "waiting": throughput.waiting(read(throughput.PROCESSES_RESULTS)),
+            "cost": _rows(cost),
+        },
         "docs/guides/cluster.md": {"faults": _rows(cluster, cluster.costs)},
         "docs/guides/gymnasium.md": {
             "lifted": _rows(gym_lifted),
