@@ -54,9 +54,9 @@ def test_scores_are_on_one_scale_for_a_task_and_clipped():
         result("cartpole", "random", 0, 0.0, human=None, sparse=None),
         *(result("ant", "full", 0, 7.5), result("ant", "random", 0, 10.0)),
     )
-    assert [row.score.value for row in table.rows] == [1.75, 0.0, 0.5, 1.0]
+    assert [row.score for row in table.rows] == [1.75, 0.0, 0.5, 1.0]
     full, random = table.totals
-    assert full.score.value == pytest.approx((0.5 + 3 + 0.5) / 3) and full.cells == 3
+    assert full.score == pytest.approx((0.5 + 3 + 0.5) / 3) and (full.cells, full.scored) == (3, 3)
     assert random.difference.value == pytest.approx((-0.5 + 0.5) / 2) and random.difference.count == 2
 
 
@@ -88,7 +88,7 @@ def test_a_search_that_had_played_nothing_by_then_is_said_to_be_left_out():
     matched = by_task.titles.index("F played, matched steps")
     # With the seed 0 at 120 steps, before the first was played; with the seed 1 alone at its own 200.
     assert [row[matched] for row in by_task.rows[:2]] == ["7 (1 undefined)", "3"]
-    assert "takes the means of both for exact" in by_task.note
+    assert "It has no interval, as all searches share its scale." in by_task.note
 
 
 def test_a_first_arm_without_a_result_is_said_to_be_compared_with_nothing():

@@ -34,8 +34,8 @@ class Row:
     """The best played F when the search had spent as many steps as the cheapest arm of its seed."""
     held_out: Estimate | None
     """F of the best reward in fresh trainings and episodes."""
-    score: Estimate | None
-    """The same human-normalised, clipped to [0, 3]."""
+    score: float | None
+    """The same human-normalised, clipped to [0, 3]. It has no interval: all seeds share the scale."""
     difference: Estimate | None
     """Of held-out F to the first arm's, paired by seed; None for that arm itself."""
     cost_usd: float
@@ -51,8 +51,10 @@ class Total:
     arm: str
     cells: int
     """Finished ones."""
-    score: Estimate | None
-    """Human-normalised, clipped to [0, 3]; every task and seed counts the same."""
+    score: float | None
+    """Human-normalised, clipped to [0, 3]; every task and seed counts alike. No interval, as in `Row`."""
+    scored: int
+    """Cells that have a score."""
     difference: Estimate | None
     """To the first arm's, paired by task and seed; None for that arm itself."""
     cost_usd: float
@@ -87,7 +89,7 @@ class Comparison:
             steps=mean([result.steps for result in own.values()]),
             matched=estimate([result.reached(self._cheapest(task, seed)) for seed, result in own.items()]),
             held_out=estimate([*held_out.values()]),
-            score=estimate([self._score(result) for result in own.values()]),
+            score=mean([self._score(result) for result in own.values()]),
             difference=self._difference(
                 arm, held_out, {seed: result.held_out for seed, result in self._of(task, self._first).items()}
             ),
@@ -101,7 +103,8 @@ class Comparison:
         return Total(
             arm=arm,
             cells=len(own),
-            score=estimate([*scores.values()]),
+            score=mean([*scores.values()]),
+            scored=sum(score is not None for score in scores.values()),
             difference=self._difference(arm, scores, first),
             cost_usd=sum(result.cost_usd for result in own),
             minutes=sum(result.minutes for result in own),
@@ -164,7 +167,8 @@ class Comparison:
         return (
             "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
             "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one, or -1 where that is "
-            "below the sparse one; clipped to 0 and 3. Its interval takes the means of both for exact. "
+            "below the sparse one; clipped to 0 and 3. It has no "
+            "interval, as all searches share its scale. "
             f"F played, matched steps: the best of the search when it had spent what the cheapest arm did.{paired}"
         )
 
@@ -198,14 +202,15 @@ def _cells(row: Row) -> tuple[str, ...]:
         *(f"{steps:,.0f}" if steps is not None else "-" for steps in (row.search_steps, row.steps)),
         _with_missing(row.matched, row.seeds),
         _with_missing(row.held_out, row.seeds),
-        shown(row.score),
+        number(row.score),
         *_decided(row.difference),
         *_spent(row),
     )
 
 
 def _total_cells(row: Total) -> tuple[str, ...]:
-    return (row.arm, str(row.cells), _with_missing(row.score, row.cells), *_decided(row.difference), *_spent(row))
+    score = _missing(number(row.score), row.cells - row.scored)
+    return (row.arm, str(row.cells), score, *_decided(row.difference), *_spent(row))
 
 
 def _spent(row: Row | Total) -> Iterable[str]:
@@ -213,9 +218,12 @@ def _spent(row: Row | Total) -> Iterable[str]:
 
 
 def _with_missing(found: Estimate | None, count: int) -> str:
+    return _missing(shown(found), count - (found.count if found is not None else 0))
+
+
+def _missing(value: str, missing: int) -> str:
     """Searches that have no value are no part of a mean, and that has to be said."""
-    missing = count - (found.count if found is not None else 0)
-    return f"{shown(found)} ({missing} undefined)" if missing else shown(found)
+    return f"{value} ({missing} undefined)" if missing else value
 
 
 def _decided(difference: Estimate | None) -> tuple[str, str]:
