@@ -272,10 +272,17 @@ def test_a_list_of_constants_may_be_a_repeated_one() -> None:
     assert (names["GRID"], names["NONE"]) == ([[0.0, 0.0], [0.0, 0.0]], [])
 
 
-@pytest.mark.parametrize("long", ["[0] * 101", "[0] * 10 ** 9", "[[0] * 100] * 100", "[x] * 2", "[0] * 2.0"])
+@pytest.mark.parametrize(
+    "long", ["[0] * 101", "[0] * 10 ** 9", "[[0] * 100] * 100", "[[]] * 101", "[([], ())] * 51", "[x] * 2", "[0] * 2.0"]
+)
 def test_a_repeated_list_that_is_long_or_odd_is_refused(long: str) -> None:
     (sentence,) = sentences(f"LONG = {long}\ndef f(dof_pos):\n    return dof_pos[:, 0] * LONG[0], {{}}\n")
     assert "[statement]" in sentence
+
+
+def test_a_long_list_below_the_last_function_is_not_made() -> None:
+    program = gate.check("def f(dof_pos):\n    return dof_pos[:, 0], {}\nLONG = [[]] * 101\n", CARTPOLE)
+    assert isinstance(program, gate.Program) and not program.draft.constants
 
 
 @pytest.mark.parametrize(

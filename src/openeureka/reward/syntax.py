@@ -12,7 +12,7 @@ from . import surface
 
 MAX_INT = 2**63
 MAX_REPEATED = 100
-"""Numbers in a list that `[0.1] * 8` comes to."""
+"""Numbers, and lists of none, in a list that `[0.1] * 8` comes to."""
 Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
 SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
 
@@ -182,7 +182,7 @@ def _repeated(node: ast.expr, times: Number | None) -> ast.expr | None:
 
 
 def _length(node: ast.expr) -> float:
-    """Numbers in lists of them; infinite where there is anything else."""
+    """Numbers and empty lists in lists of them; infinite where there is anything else."""
     if isinstance(node, ast.List | ast.Tuple):
         return sum(map(_length, node.elts))
     return math.inf if _number(node) is None else 1

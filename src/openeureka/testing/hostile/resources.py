@@ -8,6 +8,8 @@ _DIVIDED = """least = torch.full((num_envs,), -(2**63), dtype=torch.int64)
 by = torch.where({condition}, torch.tensor(-1), torch.tensor(1))
 r = r + torch.div(least, by, rounding_mode="trunc") * 0"""
 """The least integer by -1 ends a process; the condition hides it from whoever looks at other numbers of worlds."""
+_MANY_LISTS = "{above}def compute_reward(pos{default}):\n    return pos[:, 0], {{}}\n"
+"""Lists of no numbers, which whoever counts numbers alone multiplies out while the text is read."""
 
 RESOURCES: tuple[Hostile, ...] = (
     gate(41, "endless-while", "statement", "while True:\n    pass"),
@@ -19,6 +21,8 @@ RESOURCES: tuple[Hostile, ...] = (
     out_of_memory(46, "huge-list", "x = [0] * 10**6 * 10**6"),
     out_of_memory(46, "huge-text", 'x = "a" * 10**6 * 10**6'),
     out_of_memory(46, "huge-range-list", "x = list(range(10**10))"),
+    gate_text(46, "huge-constant", "statement", _MANY_LISTS.format(above="A = [[]] * 1000000000\n", default="")),
+    gate_text(46, "huge-default", "signature", _MANY_LISTS.format(above="", default=", a=[[]] * 1000000000")),
     gate(47, "format-width", "f-string", 'x = f"{1:1000000000}"'),
     out_of_memory(47, "percent-width", 'x = "%10000000000d" % 1'),
     probe(48, "worlds-squared", "memory", "r = r + (pos.unsqueeze(0) * pos.unsqueeze(1)).sum(-1).sum(-1) * 0"),
