@@ -57,8 +57,12 @@ def test_the_token_leaves_the_address(tmp_path):
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])  # another port of this machine is the same site
 def test_what_another_site_embeds_is_not_served_and_where_it_leads_a_person_is(tmp_path, site):
     client = visitor(tmp_path)
+    navigated = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate"}
     assert client.get("/", headers={"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}).status_code == 403
-    assert client.get("/", headers={"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate"}).status_code == 200
+    for frame in ("iframe", "frame", "object", "embed"):
+        assert client.get("/", headers={**navigated, "Sec-Fetch-Dest": frame}).status_code == 403
+    assert client.get("/", headers={**navigated, "Sec-Fetch-Dest": "document"}).status_code == 200
+    assert client.get("/", headers=navigated).status_code == 200  # of a browser that does not say into what
     assert client.get("/", headers={"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Mode": "cors"}).status_code == 200
 
 

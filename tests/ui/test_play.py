@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import shutil
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,18 @@ def test_only_who_has_the_token_plays_and_only_with_numbers_in_bounds(run: Path)
     assert client.post(address, data={"do": "restart"}, headers={"Origin": "http://evil"}).status_code == 403
     for form in ({"do": "run"}, {"do": "push", "speed": "1e9", "angle": "0"}, {"do": "scale", "mass": "nan"}):
         assert client.post(address, data=form).status_code == 400
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_no_link_of_another_site_makes_a_policy_play(run: Path, monkeypatch: pytest.MonkeyPatch, site: str):
+    async def nothing(self: play.Players, *_: object) -> AsyncIterator[str]:
+        yield ""
+
+    monkeypatch.setattr(play.Players, "events", nothing)
+    client, address = visitor(run.parent), "/runs/run/play/g0s0"
+    linked = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    assert client.get(address, headers=linked).status_code == 403
+    assert client.get(address, headers={"Sec-Fetch-Site": "same-origin"}).status_code == 200
 
 
 def test_a_task_that_is_not_installed_is_never_imported_to_be_played(tmp_path: Path):

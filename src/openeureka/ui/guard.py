@@ -26,6 +26,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names that only this machine has for itself, as an address holds them."""
 MAX_BODY = 2 << 20
 """Bytes of a form."""
+OURS_ALONE = "Only a page of `eureka ui` itself may ask for this."
 USER = "eureka"
 """The name before the token in the address; any other would do."""
 _HEADERS = {
@@ -69,8 +70,8 @@ class _Gate:
             challenge = {"WWW-Authenticate": 'Basic realm="eureka ui: the password is the token", charset="UTF-8"'}
             return PlainTextResponse("Open the address that `eureka ui` printed; it holds the token.", 401, challenge)
         # The browser adds the token to what other sites make it ask for, too. They may send a person here, no more.
-        if _asked_by_another_site(request):
-            return PlainTextResponse("Only a page of `eureka ui` itself may ask for this.", 403)
+        if by_another_site(request) and not _as_a_page(request):
+            return PlainTextResponse(OURS_ALONE, 403)
         if request.method not in ("GET", "HEAD"):
             if urlsplit(request.headers.get("origin", "")).netloc != request.headers.get("host"):
                 return PlainTextResponse("Only a page of `eureka ui` itself may send this.", 403)
@@ -95,6 +96,12 @@ def _password(header: str) -> bytes:
         return b""
 
 
-def _asked_by_another_site(request: Request) -> bool:
-    site, mode = (request.headers.get(f"sec-fetch-{name}", "") for name in ("site", "mode"))
-    return site in ("cross-site", "same-site") and mode != "navigate"
+def by_another_site(request: Request) -> bool:
+    """Whether another site's page made the browser ask for this: it links here, embeds or fetches it."""
+    return request.headers.get("sec-fetch-site") in ("cross-site", "same-site")
+
+
+def _as_a_page(request: Request) -> bool:
+    """Whether it is to fill a tab. A frame is navigated too; browsers of before 2020 do not tell the two apart."""
+    headers = request.headers
+    return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest", "document") == "document"
