@@ -559,6 +559,43 @@ def compute_reward(dof_pos, dof_vel):
     return spread - low + second + near + power / (1.0 + tiny) + fixed + blocks, {"power": power}
 """,
 )
+_add(
+    "masks that are changed in place, under two names and in part",
+    HAND,
+    """
+def compute_reward(object_pos, goal_pos, object_linvel):
+    distance = (object_pos - goal_pos).norm(dim=-1)
+    near = distance < 2.0
+    held = near
+    near &= object_linvel.norm(dim=-1) < 1.5
+    near |= object_pos[:, 2] > 0.2
+    near ^= goal_pos[:, 2] > 0.5
+    both = torch.stack((near, distance < 1.0), dim=-1)
+    both[:, 1] &= ~near
+    both[distance > 1.5] |= True
+    number = both.sum(dim=-1)
+    number &= 1
+    parts = {"held": held}
+    parts |= {"number": number}
+    return held.float() + 2.0 * both[:, 0] + 4.0 * both[:, 1] + 8.0 * number - distance, parts
+""",
+)
+_add(
+    "constants on one line, infinity, and a cast for the reader",
+    HAND,
+    """
+import typing
+from typing import cast
+import torch
+NEAR, FAR = 0.1, -float("-inf")
+LEAST = SMALL = 0.01
+def compute_reward(object_pos, goal_pos, most: float = float("inf")):
+    distance = (object_pos - goal_pos).norm(dim=-1)
+    kept = cast(torch.Tensor, distance.clamp(LEAST, most))
+    close = typing.cast("torch.Tensor", kept < NEAR)
+    return -torch.where(distance < FAR, kept, distance) + close.float() + SMALL, {"close": close}
+""",
+)
 
 
 def sliced(states: dict[str, Any]) -> dict[str, Any]:

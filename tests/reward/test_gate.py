@@ -119,8 +119,8 @@ GOLDEN = {
         "line 1: `class` is not allowed [statement]; write plain functions",
     ),
     "a name of typing as a value": (
-        "from typing import cast\ndef f(dof_pos):\n    return cast(torch.Tensor, dof_pos[:, 0]), {}\n",
-        "line 3: `typing.cast` is not available to a reward [unknown-name]; "
+        "from typing import Any\ndef f(dof_pos):\n    return dof_pos[:, 0] * isinstance(dof_pos, Any), {}\n",
+        "line 3: `typing.Any` is not available to a reward [unknown-name]; "
         "use it in annotations alone, and write `{}` for a dict",
     ),
     "a name of collections as a value": (
@@ -326,6 +326,14 @@ def test_a_constant_may_be_made_of_those_above_it() -> None:
     exec(program.code(), names)
     assert names["BOTH"] == [-2.0 * math.pi, -math.pi]
     assert names["f"].__defaults__ == (-math.pi,)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["A, B = 0.1", "A, B = 0.1, 0.2, 0.3", "A, *B = 0.1, 0.2", "A = B[0] = 0.1", "A = float('x')"],
+)
+def test_what_gives_no_name_a_number_is_refused_outside_a_function(line: str) -> None:
+    assert "[statement]" in sentences(f"{line}\ndef f(dof_pos):\n    return dof_pos[:, 0], {{}}\n")[0]
 
 
 def test_constants_that_would_fill_the_memory_are_refused_at_once() -> None:

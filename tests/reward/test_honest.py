@@ -301,6 +301,12 @@ SAME = {
         "    return torch.xlogy(x, 2) + x.xlogy(2) + torch.xlogy(3.0, x), {}\n",
         "2.0 * (dof_pos[:, 0].abs() + 0.5) * math.log(2.0) + 3.0 * torch.log(dof_pos[:, 0].abs() + 0.5)",
     ),
+    "a bound that is a number and one that is a tensor": (
+        "def f(dof_pos, dof_limits_upper):\n    low = torch.clamp(dof_pos, min=-0.25, max=dof_limits_upper)\n"
+        "    high = torch.clip(dof_pos, -dof_limits_upper, 1)\n    return (low + 2.0 * high).sum(-1), {}\n",
+        "(dof_pos.clamp(min=-0.25).minimum(dof_limits_upper) + "
+        "2.0 * dof_pos.maximum(-dof_limits_upper).clamp(max=1.0)).sum(-1)",
+    ),
     "zeros of the dtype of an input": (
         "def f(dof_pos):\n    return (dof_pos[:, :3] - dof_pos.new_zeros(3)).sum(dim=-1), {}\n",
         "dof_pos[:, :3].sum(dim=-1)",
@@ -320,7 +326,7 @@ SAME = {
 def test_what_people_write_computes_what_they_mean(name: str) -> None:
     source, meant = SAME[name]
     states = recorded(ANT, 16)
-    plain = f"def f(dof_pos):\n    return {meant}, {{}}\n"
+    plain = f"def f(dof_pos, dof_limits_upper):\n    return {meant}, {{}}\n"
     own, expected = (graph.compile(accepted(ANT, text).graph, ANT)(states)[0] for text in (source, plain))
     torch.testing.assert_close(own, expected)
 

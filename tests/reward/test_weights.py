@@ -211,3 +211,12 @@ def test_what_is_no_reward_has_no_numbers(text):
 def test_numbers_that_keep_a_division_from_zero_stay():
     assert found(reward(f"return x / (y + {GUARD})")) == {}
     assert math.isclose(found(reward(f"return x / (y + {2 * GUARD})"))["reward 2e-05"], 2e-5)
+
+
+@pytest.mark.parametrize("line", ["NEAR, FAR = 0.25, 0.5\n", "(NEAR, FAR) = (0.25, 0.5)\n"])
+def test_constants_on_one_line_are_weights_each(line):
+    assert found(reward("return NEAR * x + FAR * y, {}", before=line)) == {"NEAR": 0.25, "FAR": 0.5}
+
+
+def test_a_constant_of_two_names_is_a_weight_whichever_is_read():
+    assert found(reward("return B * x, {}", before="A = B = 0.25\n")) == {"A": 0.25}

@@ -39,6 +39,12 @@ def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-
     return close | (input.isnan() & other.isnan()) if equal_nan else close
 
 
+def _clamp(input: Any, min: Any = None, max: Any = None) -> Tensor:
+    if isinstance(min, Tensor) or isinstance(max, Tensor):  # torch takes two tensors or two numbers
+        min, max = (bound if bound is None else torch.as_tensor(bound) for bound in (min, max))
+    return torch.clamp(_as_tensor(input), min, max)
+
+
 def _count_nonzero(input: Tensor, dim: int | tuple[int, ...] | None = None) -> Tensor:
     return (input != 0).sum(dim=dim)
 
@@ -53,6 +59,8 @@ def _tensor(data: Any, **options: Any) -> Tensor:
 # torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
 _REPLACED = {
     "cdist": _cdist,
+    "clamp": _clamp,
+    "clip": _clamp,
     "cosine_similarity": _cosine_similarity,
     "isclose": _isclose,
     "count_nonzero": _count_nonzero,
@@ -64,7 +72,7 @@ _REPLACED = {
 _TAKES_FLOATS = surface.words("atan2 max maximum min minimum")
 """Functions of tensors that authors also call with Python floats, as in `torch.max(x, 0.0)`."""
 _FIRST_FLOAT = surface.words("""
-    abs acos asin atan ceil clamp clip cos cosh exp expm1 floor log log10 log1p log2 pow relu round rsqrt sigmoid sign
+    abs acos asin atan ceil cos cosh exp expm1 floor log log10 log1p log2 pow relu round rsqrt sigmoid sign
     sin sinh sqrt square tan tanh
 """)
 """The same for the first argument only, as in `torch.exp(-dt)`."""

@@ -94,6 +94,19 @@ def _assigned(node: ast.stmt) -> set[str]:
     return {name.id for name in names if isinstance(name.ctx, ast.Store)}
 
 
+def _named(target: ast.expr, value: ast.expr) -> dict[str, ast.expr] | None:
+    """What `A` or `A, B` is assigned, by name; None where it is neither, or has another number of values."""
+    match target, value:
+        case ast.Name(id=name), _:
+            return {name: value}
+        case ast.Tuple(elts=names), ast.Tuple(elts=own) | ast.List(elts=own) if len(names) == len(own):
+            pairs = zip(names, own, strict=True)
+            named = {name.id: part for name, part in pairs if isinstance(name, ast.Name)}
+            return named if len(named) == len(names) else None
+        case _:
+            return None
+
+
 class Normaliser(ast.NodeTransformer):
     """Builds a `Draft`; `findings` says why where it cannot.
 
@@ -176,12 +189,16 @@ class Normaliser(ast.NodeTransformer):
         return None
 
     def _literal_assignment(self, node: ast.Assign) -> bool:
-        if len(node.targets) != 1 or not isinstance(node.targets[0], ast.Name):
-            return False
         node.value = self._folded(node.value)
         if not _is_literal(node.value):
             return False
-        self.constants[node.targets[0].id] = node.value
+        bound: dict[str, ast.expr] = {}
+        for target in node.targets:
+            named = _named(target, node.value)
+            if named is None:
+                return False
+            bound |= named
+        self.constants |= bound
         return True
 
     def _folded(self, node: ast.expr) -> ast.expr:
@@ -274,7 +291,8 @@ class Normaliser(ast.NodeTransformer):
     def _path(self, node: ast.AST) -> str | None:
         """The dotted path of a name, through the imports."""
         root, dot, rest = (dotted(node) or "").partition(".")
-        return f"{self.names[root]}{dot}{rest}" if root in self.names else None
+        known = self.names.get(root) or self.ignored.get(root)
+        return f"{known}{dot}{rest}" if known else None
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt:
         self._annotation(node.annotation)
@@ -325,7 +343,7 @@ class Normaliser(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
         name = self._path(node.func)
-        if name == "torch.jit.annotate" and len(node.args) == 2:
+        if name in ("torch.jit.annotate", "typing.cast") and len(node.args) == 2:
             self._annotation(node.args[0])
             return node.args[1]
         if name in ("torch.jit.is_scripting", "torch.jit.is_tracing"):
@@ -352,8 +370,4 @@ class Normaliser(ast.NodeTransformer):
                     return function.value
             if function.attr == "cuda":
                 return function.value
-            if function.attr == "clip_":  # torch can make neither of these pure
-                function.attr = "clamp_"
-            if function.attr == "square_" and not node.args:
-                function.attr, node.args = "pow_", [ast.copy_location(ast.Constant(2), node)]
         return node

@@ -121,7 +121,7 @@ def numpy_name(name: str) -> Any:
 
 
 class Folder(ast.NodeTransformer):
-    """Replaces arithmetic of numbers by its result and leaves everything else as it is.
+    """Replaces arithmetic of numbers, and `float("inf")`, by its result and leaves everything else as it is.
 
     Args:
         names: name to dotted path, for everything imported.
@@ -149,6 +149,11 @@ class Folder(ast.NodeTransformer):
         return self._constant(node)
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
+        match node:
+            case ast.Call(func=ast.Name(id="float"), args=[ast.Constant(value=str(text))]) if not node.keywords:
+                return _result(node, float, text)
+            case _:
+                pass
         node.args = [self.visit(argument) for argument in node.args]
         function, numbers = self._math(node.func), [_number(argument) for argument in node.args]
         return node if function is None or node.keywords or None in numbers else _result(node, function, *numbers)
@@ -184,7 +189,7 @@ def _repeated(node: ast.expr, times: Number | None) -> ast.expr | None:
 def _length(node: ast.expr) -> float:
     """Numbers and empty lists in lists of them; infinite where there is anything else."""
     if isinstance(node, ast.List | ast.Tuple):
-        return sum(map(_length, node.elts))
+        return max(1, sum(map(_length, node.elts)))
     return math.inf if _number(node) is None else 1
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, TypeGuard, cast
 
 import torch
 from torch import Tensor
 from torch.func import functionalize
+from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import _disable_current_modes  # pyright: ignore[reportPrivateUsage]
 
 from ..types import Arg, Finding, Node, Part, RewardGraph
@@ -29,6 +31,15 @@ _SELECTS = "index.Tensor"
 _MASKED = (_SELECTS, "index_put.default")
 _LEFT, _RIGHT = ("<<", "write `a * 2**b`"), (">>", "write `a // 2**b`")
 _SHIFTS = {"__lshift__": _LEFT, "bitwise_left_shift": _LEFT, "__rshift__": _RIGHT, "bitwise_right_shift": _RIGHT}
+_PURE: Mapping[object, Callable[..., Tensor]] = {
+    Tensor.__iand__: Tensor.bitwise_and_,
+    Tensor.__ior__: Tensor.bitwise_or_,
+    Tensor.__ixor__: Tensor.bitwise_xor_,
+    Tensor.__ilshift__: Tensor.bitwise_left_shift_,
+    Tensor.__irshift__: Tensor.bitwise_right_shift_,
+    Tensor.clip_: Tensor.clamp_,
+    Tensor.square_: partial(Tensor.pow_, exponent=2),
+}
 _UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
 _SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
@@ -245,6 +256,13 @@ def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
     return "squeeze.dims", (tensor, tuple(dim for dim in given if tensor.dim() and tensor.shape[dim] == 1))
 
 
+class _Pure(TorchFunctionMode):
+    """Calls in-place methods that torch cannot make pure by the names of those that it can."""
+
+    def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        return _PURE.get(func, func)(*args, **(kwargs or {}))
+
+
 Outputs = tuple[Tensor, Mapping[str, Tensor | float]]
 
 
@@ -264,7 +282,7 @@ def trace(tracer: Tracer, run: Callable[[Mapping[str, Tensor]], Outputs], inputs
         numbers.update({name: value for name, value in components.items() if not isinstance(value, Tensor)})
         return [reward, *(value for value in components.values() if isinstance(value, Tensor))]
 
-    with torch.no_grad(), tracer:
+    with torch.no_grad(), tracer, _Pure():
         reward, *rest = functionalize(flat, remove="mutations")(*inputs.values())
     tensors = iter(rest)
     components = tuple((name, tracer.index(numbers[name] if name in numbers else next(tensors))) for name in order)

@@ -113,7 +113,7 @@ class _Finder:
     def found(self) -> Iterator[Weight]:
         read = {name for function in self._functions for name in _names(function)}
         for statement in self._tree.body:
-            if isinstance(statement, ast.Assign | ast.AnnAssign) and _target(statement) in read:
+            if isinstance(statement, ast.Assign | ast.AnnAssign) and not read.isdisjoint(_stored(statement)):
                 yield from self._statement(statement, "")
         for function in self._functions:
             for argument, default in defaults(function):
@@ -280,6 +280,11 @@ def _counts(value: object, use: Use) -> bool:
 def _plain(node: ast.expr) -> ast.expr:
     """Without its sign."""
     return node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd) else node
+
+
+def _stored(node: ast.stmt) -> Iterator[str]:
+    names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
+    yield from (name.id for name in names if isinstance(name.ctx, ast.Store))
 
 
 def _target(node: ast.Assign | ast.AnnAssign) -> str:
