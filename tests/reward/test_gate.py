@@ -104,7 +104,7 @@ GOLDEN = {
     ),
     "a while loop": (
         "def compute_reward(dof_pos):\n    while True:\n        pass\n    return dof_pos[:, 0], {}\n",
-        "line 2: `While` is not allowed [statement]; use tensor operations, or `for` over a small `range`",
+        "line 2: `while` is not allowed [statement]; use tensor operations, or `for` over a small `range`",
     ),
     "a statement that parses but cannot be compiled": (
         "def compute_reward(dof_pos):\n    break\n    return dof_pos[:, 0], {}\n",
@@ -117,6 +117,37 @@ GOLDEN = {
     "a class beside the function": (
         "class Scales:\n    a = 1.0\ndef compute_reward(dof_pos):\n    return Scales.a * dof_pos[:, 0], {}\n",
         "line 1: `class` is not allowed [statement]; write plain functions",
+    ),
+    "a set": (
+        "def compute_reward(dof_pos):\n    names = {'a'}\n    return dof_pos[:, 0], {}\n",
+        "line 2: a set is not allowed [statement]; write a list or a tuple",
+    ),
+    "a name of the function around": (
+        "def f(dof_pos):\n    r = 0\n    def g():\n        nonlocal r\n    return dof_pos[:, 0], {}\n",
+        "line 4: `nonlocal` is not allowed [statement]; pass the value as an argument, and return the new one",
+    ),
+    "a block that chooses a precision": (
+        "def f(dof_pos):\n    with torch.cuda.amp.autocast():\n        r = dof_pos[:, 0]\n    return r, {}\n",
+        "line 2: `with` is not allowed [statement]; keep its body, remove the line",
+    ),
+    "a method that no tensor here has": (
+        "def f(dof_pos):\n    return dof_pos.scatter(1, dof_pos.long(), 1.0)[:, 0], {}\n",
+        "line 2: `.scatter` is not an allowed attribute [attribute]; write it with other operations",
+    ),
+    "a device that is chosen inside the function": (
+        "def f(dof_pos):\n    device = 'cuda' if torch.cuda.is_available() else 'cpu'\n    return dof_pos[:, 0], {}\n",
+        "line 2: `torch.cuda.is_available` is not available to a reward [torch-function]; "
+        "leave it out: a reward runs where its inputs are",
+    ),
+    "a device that is chosen above the function": (
+        "import torch\ndevice = torch.device('cuda' if torch.cuda.is_available() else 'cpu')\n"
+        "def f(dof_pos):\n    return dof_pos[:, 0], {}\n",
+        "line 2: only imports, functions and literal constants may stand outside a function [statement]; "
+        "leave it out: a reward runs where its inputs are",
+    ),
+    "an edit of an input by a sign": (
+        "def f(dof_pos):\n    dof_pos |= dof_vel\n    return dof_pos[:, 0], {}\n",
+        "line 2: in-place `|=` on input `dof_pos` [input-edit]; write `dof_pos = dof_pos | dof_vel`",
     ),
     "a name of typing as a value": (
         "from typing import Any\ndef f(dof_pos):\n    return dof_pos[:, 0] * isinstance(dof_pos, Any), {}\n",

@@ -13,7 +13,7 @@ from openeureka.codec import encode
 from openeureka.reward import examine, gate, graph, load, probe, surface
 from openeureka.reward import math as helpers
 from openeureka.reward.trace import Refused
-from openeureka.types import StateSpec, StateVar
+from openeureka.types import Finding, StateSpec, StateVar
 from reward.honest import ANT, CARTPOLE, PROGRAMS, recorded, sliced
 
 
@@ -331,20 +331,46 @@ def test_what_people_write_computes_what_they_mean(name: str) -> None:
     torch.testing.assert_close(own, expected)
 
 
-@pytest.mark.parametrize(
-    ("shifted", "sign", "fix"),
-    [
-        ("mask << 1", "`<<`", "write `a * 2**b`"),
-        ("1 << mask", "`<<`", "write `a * 2**b`"),
-        ("mask >> 1", "`>>`", "write `a // 2**b`"),
-    ],
-)
-def test_a_shift_is_named_as_it_is_written(shifted: str, sign: str, fix: str) -> None:
-    program = gate.check(f"def f(actions):\n    mask = (actions[:, 0] > 0).int()\n    return {shifted}, {{}}\n", ANT)
+def refused(spec: StateSpec, source: str) -> Finding:
+    program = gate.check(source, spec)
     assert isinstance(program, gate.Program)
     with pytest.raises(Refused) as refusal:
-        probe.probe(load.load(program), ANT, recorded(ANT))
-    assert sign in refusal.value.finding.message and refusal.value.finding.fix == fix
+        probe.probe(load.load(program), spec, recorded(spec))
+    return refusal.value.finding
+
+
+@pytest.mark.parametrize(
+    ("line", "sign", "fix"),
+    [
+        ("x = x << 1", "`<<`", "write `a * 2**b`"),
+        ("x = 1 << x", "`<<`", "write `a * 2**b`"),
+        ("x = x >> 1", "`>>`", "write `a // 2**b`"),
+        ("x <<= 1", "`<<`", "write `a * 2**b`"),
+        ("x >>= 1", "`>>`", "write `a // 2**b`"),
+    ],
+)
+def test_a_shift_is_named_as_it_is_written(line: str, sign: str, fix: str) -> None:
+    finding = refused(ANT, f"def f(actions):\n    x = (actions[:, 0] > 0).int()\n    {line}\n    return x, {{}}\n")
+    assert sign in finding.message and finding.fix == fix
+
+
+def test_what_a_function_takes_is_said_where_it_is_called_otherwise() -> None:
+    source = "def f(dof_pos, dof_limits_upper):\n    return dof_pos.clamp(0.0, dof_limits_upper).sum(-1), {}\n"
+    assert "expected one of: * (Tensor min = None, Tensor max = None)" in refused(ANT, source).message
+
+
+def test_a_component_may_begin_with_no_other_letter() -> None:
+    finding = refused(ANT, "def f(dof_pos):\n    return dof_pos[:, 0], {'\u03b8': dof_pos[:, 1]}\n")
+    assert finding.fix == "start its name with a letter from A to Z"
+
+
+@pytest.mark.parametrize("weight", ["1.0 / num_envs", "torch.arange(num_envs)", "torch.linspace(0, 1, num_envs)"])
+def test_who_reads_the_number_of_worlds_is_told_so(weight: str) -> None:
+    program = gate.check(f"def f(dof_pos, num_envs):\n    return dof_pos[:, 0] * {weight}, {{}}\n", ANT)
+    assert isinstance(program, gate.Program)
+    states = recorded(ANT)
+    (finding,) = examine.examine(probe.probe(load.load(program), ANT, states), ANT, states)
+    assert finding.rule == "coupling" and finding.fix.endswith("use neither the number nor the order of worlds")
 
 
 def test_closeness_is_that_of_torch_at_infinity_too() -> None:

@@ -248,7 +248,11 @@ def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: S
 
 def _coupled(name: str, line: int | None) -> Refused:
     message = f"{name} of one world depends on the other worlds"
-    return Refused("coupling", message, "reduce over the last dimension (dim=-1) only, never over all worlds", line)
+    fix = (
+        "reduce over the last dimension (dim=-1) only, never over all worlds, and use neither the number nor the order "
+        "of worlds"
+    )
+    return Refused("coupling", message, fix, line)
 
 
 def _differs(part: Any, whole: Any, worlds: Tensor, count: int) -> bool:

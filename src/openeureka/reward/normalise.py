@@ -31,6 +31,9 @@ _ANNOTATION_NODES = (
     ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
 )  # fmt: skip
 
+DEVICES = ("torch.cuda", "torch.backends", "torch.device")
+LEAVE_OUT = "leave it out: a reward runs where its inputs are"
+"""The advice on what chooses a device."""
 _PATHS = frozenset({*surface.MODULES, *surface.PACKAGES, *DROPPED_DECORATORS})
 """What may be imported by itself."""
 _EXAMPLES = (ast.Expr, ast.Assign, ast.AnnAssign, ast.Assert, ast.If, ast.For, ast.While, ast.With, ast.Try)
@@ -180,12 +183,10 @@ class Normaliser(ast.NodeTransformer):
         if after and isinstance(node, _EXAMPLES):
             return None  # below the last function, where nothing runs it
         self._refused |= _assigned(node)
-        self._refuse(
-            "statement",
-            "only imports, functions and literal constants may stand outside a function",
-            node,
-            "move it into the reward function or remove it",
-        )
+        chooses = any((self._path(part) or "").startswith(DEVICES) for part in ast.walk(node))
+        message = "only imports, functions and literal constants may stand outside a function"
+        fix = LEAVE_OUT if chooses else "move it into the reward function or remove it"
+        self._refuse("statement", message, node, fix)
         return None
 
     def _literal_assignment(self, node: ast.Assign) -> bool:

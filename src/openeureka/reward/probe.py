@@ -23,6 +23,8 @@ from .validate import COMPONENT_NAME, GraphError, validate
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""
+MAX_ERROR = 400
+"""Letters of what Python or torch says: torch lists on further lines what a function takes."""
 RESULT_RULES = ("returns", "shape", "dtype", "components", "nondeterminism", "constant-reward", "magnitude")
 """Rules about what a program returns, whichever line made it: their line is that of the `return`."""
 
@@ -55,7 +57,7 @@ def _run(run: Runner, state: Mapping[str, Any]) -> object:
     except BaseException as error:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == FILENAME]
         line = lines[-1] if lines else None
-        text = (str(error).strip() or "no message").splitlines()[0][:300]
+        text = " ".join(str(error).split())[:MAX_ERROR] or "no message"
         if text.startswith(_SCALAR_READS):
             raise branch(line) from None
         count = state["num_envs"]
@@ -102,7 +104,7 @@ def component_name(key: object) -> str:
         raise Refused("components", message, "use short names such as `distance`")
     name = re.sub(r"[^A-Za-z0-9]+", "_", key).strip("_")
     if not COMPONENT_NAME.fullmatch(name):
-        raise Refused("components", message, "start its name with a letter")
+        raise Refused("components", message, "start its name with a letter from A to Z")
     return name
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from ..types import Finding, StateSpec
 from . import guess, surface
-from .normalise import Draft
+from .normalise import DEVICES, LEAVE_OUT, Draft
 from .syntax import MAX_INT, Scope, bound, defaults, dotted, identifiers, rebound, shown
 
 MAX_RANGE = 1_000
@@ -30,21 +30,44 @@ _EXPRESSIONS = (
     ast.Starred, ast.JoinedStr, ast.FormattedValue,
     ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context,
 )  # fmt: skip
-_FIXES: dict[type[ast.AST], str] = {
-    ast.While: "use tensor operations, or `for` over a small `range`",
-    ast.Try: "remove it: an error in a reward is reported with its line",
-    ast.ClassDef: "write plain functions",
-    ast.Global: "pass the value as an argument",
-    ast.NamedExpr: "assign on a line of its own",
-    ast.Match: "use torch.where",
-    ast.With: "remove it",
+_ASYNC = "`async`", "remove the word"
+_TRY = "`try`", "remove it: an error in a reward is reported with its line"
+_YIELD = "`yield`", "return a list"
+_FORMS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.AsyncFor: _ASYNC,
+    ast.AsyncFunctionDef: _ASYNC,
+    ast.AsyncWith: _ASYNC,
+    ast.Await: ("`await`", "remove the word"),
+    ast.ClassDef: ("`class`", "write plain functions"),
+    ast.Delete: ("`del` of a part", "leave it there"),
+    ast.Global: ("`global`", "pass the value as an argument"),
+    ast.Match: ("`match`", "use torch.where"),
+    ast.NamedExpr: ("`:=`", "assign on a line of its own"),
+    ast.Nonlocal: ("`nonlocal`", "pass the value as an argument, and return the new one"),
+    ast.Set: ("a set", "write a list or a tuple"),
+    ast.SetComp: ("a set", "write a list"),
+    ast.Try: _TRY,
+    ast.TryStar: _TRY,
+    ast.While: ("`while`", "use tensor operations, or `for` over a small `range`"),
+    ast.With: ("`with`", "keep its body, remove the line"),
+    ast.Yield: _YIELD,
+    ast.YieldFrom: _YIELD,
 }
+"""What an author calls it, and what to write instead."""
+_OTHERWISE = "write it with other operations"
 _EARLIER = "values of earlier steps are not available"
-_INSTEAD = {"data": "leave it out, the tensor itself is what it gives", "format": "use an f-string"}
+_INSTEAD = {
+    "data": "leave it out, the tensor itself is what it gives",
+    "format": "use an f-string",
+    "requires_grad_": "leave it out: nothing differentiates a reward",
+}
 _CHANGES = frozenset(("append", "clear", "extend", "insert", "pop", "popitem", "remove", "setdefault", "update"))
 """Methods that change a list or a dict."""
 _COPY = "copy it first: `{name} = {name}.clone()`"
-_AUGMENTED: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_AUGMENTED: dict[type[ast.operator], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
+    ast.MatMult: "@", ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^", ast.LShift: "<<", ast.RShift: ">>",
+}  # fmt: skip
 
 
 class Rules(ast.NodeVisitor):
@@ -110,8 +133,8 @@ class Rules(ast.NodeVisitor):
 
     def visit(self, node: ast.AST) -> None:
         if not isinstance(node, (*_STATEMENTS, *_EXPRESSIONS)):
-            kind = type(node).__name__
-            self._refuse("statement", f"`{kind}` is not allowed", node, _FIXES.get(type(node), "remove it"))
+            called, fix = _FORMS.get(type(node), (f"`{type(node).__name__}`", "remove it"))
+            self._refuse("statement", f"{called} is not allowed", node, fix)
             return
         for name in identifiers(node):
             if not name.isascii():
@@ -193,7 +216,7 @@ class Rules(ast.NodeVisitor):
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
             known = guess.instead(name)
             function = f"use `{known}`" if known else ""
-            fix = _INSTEAD.get(name) or function or self._guess(name, surface.METHODS) or "remove it"
+            fix = _INSTEAD.get(name) or function or self._guess(name, surface.METHODS) or _OTHERWISE
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
@@ -210,7 +233,7 @@ class Rules(ast.NodeVisitor):
             if name in surface.MODULES.get(module, ()):
                 for attribute in parts[end:]:
                     if attribute not in surface.METHODS:
-                        self._refuse("attribute", f"`.{attribute[:40]}` is not an allowed attribute", node, "remove it")
+                        self._refuse("attribute", f"`.{attribute[:40]}` is not an allowed attribute", node, _OTHERWISE)
                 return
         name = parts[-1]
         if path in surface.MODULES or path in surface.PACKAGES:
@@ -224,7 +247,9 @@ class Rules(ast.NodeVisitor):
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
             known = guess.twin(path) or guess.instead(name)
             fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
-            if path == "math.prod":
+            if not known and path.startswith(DEVICES):
+                fix = LEAVE_OUT
+            elif path == "math.prod":
                 fix = "multiply the numbers with `*`"
             elif path == f"numpy.{name}" and name in surface.DTYPES:
                 fix = f"write the number itself, or `{known}` for a dtype"
@@ -285,7 +310,7 @@ class Rules(ast.NodeVisitor):
             self._expect_no_memory(node.target, node)
         name = self._protected_root(node.target)
         if name:
-            sign = _AUGMENTED.get(type(node.op), "op")
+            sign = _AUGMENTED[type(node.op)]
             if isinstance(node.target, ast.Name):
                 fix = f"write `{name} = {name} {sign} {shown(node.value)}`"
             else:
