@@ -386,7 +386,7 @@ class Worker:
     def __init__(self, error: type[WorkerError] | None) -> None:
         self.error = error
 
-    def send(self, header: object) -> None:
+    def send(self, *_: object) -> None:
         pass
 
     def receive(self, timeout: float) -> Frame:
@@ -419,6 +419,12 @@ def test_a_server_that_hangs_or_dies_has_a_successor_once(
     verdict = Sandbox(STATE, RECORDED).check(Candidate.of("def f(pos):\n    return pos[:, 0], {}\n"))
     assert (verdict.code, verdict.findings[0].message) == (code, message)
     assert not list(servers)
+
+
+def test_a_server_that_is_not_up_in_time_says_to_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "Worker", lambda *_, **__: Worker(WorkerTimeout))
+    with pytest.raises(SandboxUnavailable, match=r"^The sandbox did not start within 120 s; have less run beside it, "):
+        Sandbox(STATE, RECORDED).check(Candidate.of("def f(pos):\n    return pos[:, 0], {}\n"))
 
 
 def test_closing_leaves_no_process() -> None:

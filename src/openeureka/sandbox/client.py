@@ -158,6 +158,11 @@ class Sandbox:
         try:
             worker.send(header, {name: tensor.numpy().tobytes() for name, tensor in tensors.items()})
             problem = worker.receive(_START_SECONDS).header.get("problem")
+        except WorkerTimeout:
+            worker.close()
+            raise SandboxUnavailable(
+                f"The sandbox did not start within {_START_SECONDS:g} s; have less run beside it, then try again."
+            ) from None
         except WorkerError:
             tail = worker.stderr_tail(500)
             worker.close()
