@@ -139,7 +139,7 @@ def test_progress_of_one_population_after_another_counts_on():
 
     found = train(Scripted(script), errands("a", "b"), [Seat("0", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
-    assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
+    assert [(m.epoch, m.epochs) for m in seen] == [(1, 4), (3, 4)]  # half of a training, then one and a half of two
 
 
 def test_what_ends_a_worker_is_tried_together_once_more_then_alone():
@@ -252,7 +252,7 @@ def test_what_died_trains_at_no_rate_until_it_is_tried_again():
     found = train(Scripted(script), errands("a", "b"), [Seat("0", 1), Seat("1", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
     assert [(m.epoch, m.env_steps_per_second, sorted(m.nodes)) for m in seen[:3]] == [
-        (1, 10.0, ["node-a"]), (2, 20.0, ["node-a", "node-b"]), (2, 10.0, ["node-b"]),
+        (0, 10.0, ["node-a"]), (1, 20.0, ["node-a", "node-b"]), (1, 10.0, ["node-b"]),
     ]  # fmt: skip
 
 

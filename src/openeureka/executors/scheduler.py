@@ -94,18 +94,20 @@ class JointProgress:
     latest: dict[str, Mapping[str, float | None]] = field(default_factory=dict)
 
     def add(self, errand: Errand, progress: TrainingProgress) -> TrainingProgress:
-        """Epochs add up over the errands; the rate is that of all that are under way."""
+        """The epoch is the mean over the errands, rounded down: that of one training. The rate is that of all that are
+        under way."""
         self.running[errand] = progress
         self.began.setdefault(errand, progress.epoch)
         self.fitness |= progress.fitness
         self.latest |= progress.latest
+        epochs = self.done * progress.epochs + sum(part.epoch for part in self.running.values())
         return TrainingProgress(
-            epoch=self.done * progress.epochs + sum(part.epoch for part in self.running.values()),
-            epochs=self.errands * progress.epochs,
+            epoch=epochs // self.errands,
+            epochs=progress.epochs,
             env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
             fitness=dict(self.fitness),
             latest=dict(self.latest),
-            resumed=sum(self.began.values()),
+            resumed=sum(self.began.values()) // self.errands,
             nodes=self._nodes(),
         )
 
