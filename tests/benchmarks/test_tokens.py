@@ -1,0 +1,18 @@
+"""What a search takes of an endpoint is counted from searches that are kept."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import headline
+import longer
+import tokens
+
+
+def test_prompts_are_counted_once_a_generation_and_replies_each():
+    # 6,500, 10,787 and 13,507 characters of prompts.
+    counted = list(tokens.rows("cartpole", headline.archive("cartpole", longer.ARCHIVE)))
+    assert [row[:3] for row in counted] == [
+        ("cartpole", "0", "1,625"), ("cartpole", "1", "2,697"), ("cartpole", "2", "3,377"),
+    ]  # fmt: skip
+    assert [row[3] for row in counted] == ["306", "489", "467"]
