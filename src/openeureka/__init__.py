@@ -1,4 +1,4 @@
-"""A language model designs reinforcement-learning rewards, a population of policies judges them.
+"""A language model writes reward functions. Policies train under them and show which one works.
 
 What a Python program calls stands here. Errors are imported at once, all else when it is first used.
 """

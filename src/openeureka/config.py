@@ -68,7 +68,7 @@ class RunConfig:
     safety: str = ""
     """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
     limits: str = ""
-    """The most of costs that a policy may have when it plays, or its reward cannot win: `torque_peak=40 falls=0.1`."""
+    """Upper limits on costs in play; a reward whose policy exceeds one cannot win: `torque_peak=40 falls=0.1`."""
     feedback: str = "none"
     """`none`, or `human`: after each generation wait for what a person says of it."""
     feedback_timeout: float = 0.0
@@ -120,7 +120,7 @@ class RunConfig:
     price: str = ""
     """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
     baselines: str = "train"
-    """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
+    """`train` both baselines in this run, or use the `known` scores that come with openeureka."""
     video: str = "best"
     """`all` trained policies, the `best` or `none`; with feedback=human `all` unless set."""
     log: str = ""

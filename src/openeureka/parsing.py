@@ -36,6 +36,8 @@ _FILES = {
 _PLACES = {"beside", "dir", "out", "policy", "reward"}
 """Settings of one command, which names files as its shell does: not every shell knows `~` behind an equals sign."""
 
+_PYTHON = "python"
+"""Goes with `env`, and is no setting of its own, see `elsewhere`."""
 _hints = cache(get_type_hints)
 """Evaluating the annotations of a config takes longer than reading one."""
 
@@ -91,9 +93,9 @@ def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
     interpreter of a virtual environment is a link.
     """
     found = dict(settings)
-    if "env" not in found or "python" not in found:
+    if "env" not in found or _PYTHON not in found:
         return found
-    python = str(found.pop("python"))
+    python = str(found.pop(_PYTHON))
     whole = os.path.abspath(os.path.expanduser(python)) if os.sep in python else python
     return found | {"env": f"{found['env']}+python={whole}"}
 
@@ -162,8 +164,12 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
 
 
 def _expect_known(key: str, hints: Mapping[str, type]) -> None:
-    if key not in hints:
-        raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), hints)} Settings: {', '.join(hints)}.")
+    if key in hints:
+        return
+    known = [*hints, *([_PYTHON] if "env" in hints else [])]
+    if key == known[-1]:
+        raise ConfigError("`python=` says where the environment of `env=` is installed: name that too.")
+    raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), known)} Settings: {', '.join(known)}.")
 
 
 def _unfit(key: str, value: object, kind: type) -> ConfigError:

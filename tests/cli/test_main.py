@@ -65,6 +65,11 @@ def test_help_imports_nothing_slow():
     [
         (("context", "env=cartpol"), "There is no environment `cartpol`. Did you mean `cartpole`?"),
         (("context", "enf=cartpole"), "Unknown setting `enf`. Did you mean `env`?"),
+        (
+            ("run", "env=dmc:cheetah-run", "pyhton=/x"),
+            "Unknown setting `pyhton`. Did you mean `python`? Settings: env, ",
+        ),
+        (("run", "python=/x"), "`python=` says where the environment of `env=` is installed: name that too."),
         (("play", "env=cartpole", "policy=absent.safetensors"), "Cannot read the policy absent.safetensors"),
         (("play", "env=cartpole", "seconds=0"), "`seconds` must be above 0"),
         (("run", "--env", "cartpole"), "Settings are written without dashes: `env=cartpole`, not `--env`."),

@@ -149,6 +149,7 @@ def test_a_setting_of_another_way_to_show_is_refused(asked, shown, word, web, se
     assert (shown, asked) == ([], [])
 
 
-def test_without_a_policy_it_says_what_may_be_played():
-    with pytest.raises(ConfigError, match=r"^Name what to play: a run directory, or policy=FILE, random or zero\.$"):
-        play.play(["env=cartpole"])
+@pytest.mark.parametrize("words", [["env=cartpole"], ["policy=random"], ["policy=zero"], []])
+def test_without_a_policy_or_its_task_it_says_what_may_be_played(words: list[str]):
+    with pytest.raises(ConfigError, match=r"^Name what to play: a run directory, policy=FILE, or env=NAME policy=rand"):
+        play.play(words)

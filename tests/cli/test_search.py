@@ -256,6 +256,7 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
         ("1", "1", "3", "4", "accepted"),
     ]
     assert any(line.startswith("Human-normalised score, held out: 1.4") for line in lines)
+    assert lines[0].split()[-1] == "checked" and "Best reward, g1s0:" in lines
 
 
 def test_show_says_how_a_run_that_stopped_goes_on(parts, tmp_path, capsys):

@@ -3,7 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.cli.settings import describe, only_path, split
+from openeureka.cli.main import main
+from openeureka.cli.settings import ContextConfig, describe, only_path, split
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.parsing import command_line
@@ -25,7 +26,16 @@ def test_settings_are_described_with_default_and_first_line():
 
 
 def test_every_setting_of_a_run_is_described():
-    assert len(describe(RunConfig).splitlines()) == 2 + len(RunConfig.__dataclass_fields__)
+    assert len(describe(RunConfig).splitlines()) == 3 + len(RunConfig.__dataclass_fields__)  # and python=
+
+
+def test_what_is_no_setting_of_its_own_stands_among_the_settings(capsys: pytest.CaptureFixture[str]):
+    assert [line for line in describe(ContextConfig).splitlines() if "python=PATH" in line]
+    assert "trust=" not in describe(RunConfig)
+    for command in ("resume", "robust"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        assert "\n    trust=   " in capsys.readouterr().out
 
 
 def test_words_are_separated_from_paths():

@@ -10,7 +10,7 @@ from openeureka.numbers import columns
 TABLE = columns([("ranges", "what worlds are drawn from"), ("mass 0.5 to 2, " * 8, "none")])
 VERDICT = (
     "Not decided: F 136.7 (3 seeds) against 111.8 (4 seeds), held out; difference +25, 95 % interval -80.8 to +131. "
-    "About 28 new seeds of each would decide a difference of this size every other time."
+    "If the difference is real, 28 new seeds of each have an even chance to show it."
 )
 
 

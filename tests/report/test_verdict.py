@@ -87,7 +87,7 @@ def test_the_verdict_follows_from_the_interval(
 def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
     # n with t(2 n - 2) * 1.414 * sqrt(2 / n) < 1: 18 gives 0.958 (t(34) = 2.032), 17 gives 0.988, 16 gives 1.021.
     assert verdict(ended([40.0, 42.0], [39.0, 41.0])).endswith(
-        "About 17 new seeds of each would decide a difference of this size every other time."
+        "If the difference is real, 17 new seeds of each have an even chance to show it."
     )
     assert "more than 100 seeds" in verdict(ended([40.01, 42.0], [39.0, 43.0]))
 
@@ -183,8 +183,7 @@ def test_every_account_of_a_run_tells_the_same_score(tmp_path: Path) -> None:
     view = replace(view, evaluations={**view.evaluations, sparse.lane: sparse})
     assert view.outcome is not None and view.outcome.normalised is not None
     rows = re.findall(r"human-normalised score.*\| (\S+) \|", words(html.report(view, tmp_path)))
-    lines = [line for line in summary(view) if line.startswith("Human-normalised score, held out: -. 0 is as good")]
-    assert (rows, len(lines)) == (["-"], 1)
+    assert rows == ["-"] and not any("ormalised" in line for line in summary(view))
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

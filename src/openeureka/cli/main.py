@@ -19,6 +19,7 @@ from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
 from .settings import (
+    TRUST,
     BenchConfig,
     CheckConfig,
     ContextConfig,
@@ -29,6 +30,7 @@ from .settings import (
     PlayConfig,
     ReportConfig,
     describe,
+    line,
 )
 
 
@@ -44,7 +46,7 @@ class _Commands(typer.core.TyperGroup):
 app = typer.Typer(
     cls=_Commands,
     name="eureka",
-    help="A language model designs reinforcement-learning rewards, a population of policies judges them.",
+    help="A language model writes reward functions. Policies train under them and show which one works.",
     no_args_is_help=True,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -88,9 +90,12 @@ def run(words: Settings = None) -> None:
 _MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # which is the run itself
 
 
-@app.command(epilog=f"Settings that may differ from before: {_MAY_CHANGE}.")
+@app.command(
+    short_help="Continue a search where it stopped.",
+    epilog=f"\b\nBeside settings:\n{line('trust=', TRUST)}\n\nSettings that may differ from before: {_MAY_CHANGE}.",
+)
 def resume(words: Words = None) -> None:
-    """Continue a search where it stopped; no reply is paid for twice.
+    """Continue a search where it stopped, and never ask again for a stored reply.
 
     Example: eureka resume outputs/2026-01-31_12-00-00_cartpole max_cost=10
     """
@@ -176,7 +181,10 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
     tune(words or [], as_json=as_json)
 
 
-@app.command(short_help="Train the best policy on for other masses, frictions, delays.", epilog=describe(RobustConfig))
+@app.command(
+    short_help="Train the best policy further: other masses, frictions, delays.",
+    epilog=describe(RobustConfig, trust=TRUST),
+)
 def robust(words: Words = None) -> None:
     """Fine-tune the best policy under domain randomisation, with ranges that a model proposes.
 
@@ -200,7 +208,7 @@ def bench(words: Words = None) -> None:
 
 @app.command(epilog=describe(CheckConfig))
 def check(words: Words = None, as_json: Json = False) -> None:
-    """Check one reward file as a run would, and print the verdict.
+    """Check one reward file as a run would: accepted or refused.
 
     Example: eureka check env=cartpole my_reward.py
     """

@@ -58,11 +58,11 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
 
 def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | str]:
     """What to play: the environment, and a policy file or the name of an agent."""
-    if directory is None and not config.policy:
-        raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
-    if config.policy in AGENTS:
-        run = read_config(directory).env if directory is not None else ""
-        return _trusted(run, config.env) if run else config.env or "cartpole", config.policy
+    agent = config.policy in AGENTS
+    if directory is None and not (config.env if agent else config.policy):
+        raise ConfigError("Name what to play: a run directory, policy=FILE, or env=NAME policy=random.")
+    if agent:
+        return _trusted(read_config(directory).env, config.env) if directory else config.env, config.policy
     of_run = config.policy in ("", *_MADE_BY)
     policy, trained = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
     return _env_of(trained, config.env), policy
@@ -119,7 +119,8 @@ def _read(path: Path) -> tuple[bytes, str]:
         raise RewardFileError(f"{path}: {error}") from None
     except OSError as error:
         raise ConfigError(
-            f"Cannot read the policy {path}: {error.strerror}; name a run directory or policy=FILE, random or zero."
+            f"Cannot read the policy {path}: {error.strerror}; name a run directory, policy=FILE, or env=NAME "
+            "policy=random."
         ) from None
 
 

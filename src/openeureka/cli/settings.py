@@ -13,6 +13,9 @@ from ..config import VIDEOS
 from ..errors import ConfigError
 from ..parsing import is_setting, short_path
 
+PYTHON = "The Python that the environment is installed in, if it is not this one: `env=dmc:cheetah-run python=PATH`."
+TRUST = "The directory once more: it agrees to the addresses, files and models that a run from elsewhere names."
+"""What stands beside the settings: a part of `env=`, and a word to `eureka resume` and `eureka robust`."""
 EXPORTED = ("gymnasium", "mjlab", "isaaclab")
 """Suites that a reward may be written for."""
 
@@ -165,14 +168,26 @@ def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]
     return [word for word in settings if not word.startswith("trust=")], bool(named)
 
 
-def describe(kind: type) -> str:
-    """One line per setting: `key=default` and the first line of its docstring, for `--help`."""
+def describe(kind: type, **more: str) -> str:
+    """One line per setting: `key=default` and the first line of its docstring, for `--help`.
+
+    Args:
+        more: words that the command takes beside the settings, and what each does.
+    """
     notes = _attribute_docs(kind)
-    lines = []
+    lines = list[str]()
     for field in dataclasses.fields(kind):
-        default = f"{field.name}={field.default}".lower() if isinstance(field.default, bool) else ""
-        lines.append(f"  {default or f'{field.name}={field.default}':<26} {notes.get(field.name, '')}".rstrip())
+        default = str(field.default).lower() if isinstance(field.default, bool) else field.default
+        lines.append(line(f"{field.name}={default}", notes.get(field.name, "")))
+        if field.name == "env":
+            lines.append(line("python=", PYTHON))
+    lines += [line(f"{name}=", note) for name, note in more.items()]
     return "\n".join(("\b", "Settings and their defaults:", *lines))
+
+
+def line(setting: str, note: str) -> str:
+    """One setting in `--help`."""
+    return f"  {setting:<26} {note}".rstrip()
 
 
 def _attribute_docs(kind: type) -> dict[str, str]:

@@ -55,7 +55,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for entry in run.history.entries]
     votes = ["votes"] if strengths else []
-    titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
+    titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "checked")
     tell([columns([titles, *slots]) if slots else "No generation is trained yet.", *_costs(run)])
     said = [_said(f"After generation {g.index}", g.remarks) for g in run.history.generations]
     print("".join([*said, _said("Since the last prompt", run.unheard)]))
@@ -63,8 +63,9 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     if len(run.history.generations) < run.config.generations and not is_held(directory):
         log = f"{directory / LOG} says what it did last. " if artifacts.exists(directory, LOG) else ""
         print(plain(f"Nobody works on this run. {log}To go on: {command_line('resume', directory)}"))
-    if (best := run.best_text) is not None:
-        print(f"\nBest reward ({best.id}):\n\n{plain(best.source)}")
+    if (best := run.best_text) is not None and run.best is not None:
+        fitted = " with fitted numbers" if run.fitted is not None else ""
+        print(f"\nBest reward, {run.best.place}{fitted}:\n\n{plain(best.source)}")
 
 
 def tell(lines: Sequence[str]) -> None:
@@ -112,8 +113,10 @@ def summary(run: RunView) -> list[str]:
     ]
     lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
-        score = f"Human-normalised score, held out: {number(tables.on_scale(run.outcome))}. {tables.SCALE}"
-        lines += ["", *_lines(tables.final(run, run.outcome)), score, verdict(run), meaning(run)]
+        lines += ["", *_lines(tables.final(run, run.outcome))]
+        if (score := tables.on_scale(run.outcome)) is not None:
+            lines.append(f"Human-normalised score, held out: {number(score)}. {tables.SCALE}")
+        lines += [verdict(run), meaning(run)]
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif lost := limits_reason(run) or none_found(run):
         lines.append(lost)

@@ -45,7 +45,7 @@ USAGE = "eureka new hopper.py model=hopper.xml"
 
 def envs(*, as_json: bool = False) -> None:
     """Print each task with its sizes and intent, suite by suite."""
-    header = ("env", "obs", "act", "steps", "human F", "sparse F")
+    header = ("env", "obs", "act", "episode", "human F", "sparse F")
     tasks = {name: registry.get(name) for name in registry.names()}
     if as_json:
         print(json.dumps({name: _facts(name, task) for name, task in tasks.items()}, indent=2))
@@ -63,7 +63,7 @@ def envs(*, as_json: bool = False) -> None:
             print(f"\n{suite}")
         print(line)
         print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
-    print("\nobs, act: sizes of observation and action. steps: of an episode.")
+    print("\nobs, act: sizes of observation and action. episode: its most steps.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
     print("Policies at the peak of F or of the own reward count, whichever play better.")
     print("Any Gymnasium environment is a task too: env=gym:CartPole-v1")

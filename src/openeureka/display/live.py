@@ -262,7 +262,7 @@ class TerminalView:
 
     def _slots(self) -> Table:
         table = Table("slot", "candidate", "try", box=None, pad_edge=False)
-        table.add_column("verdict", overflow="ellipsis", no_wrap=True)
+        table.add_column("checked", overflow="ellipsis", no_wrap=True)
         for title in SCORES:
             table.add_column(title, no_wrap=True)
         seed = self._tally.config.seed

@@ -312,7 +312,7 @@ def interval(found: Difference | Estimate) -> str:
 def _needed(found: Difference) -> str:
     if found.seeds is None:
         return "So small a difference would take more than 100 seeds of each to decide."
-    return f"About {_enough(found.seeds)} new seeds of each would decide a difference of this size every other time."
+    return f"If the difference is real, {_enough(found.seeds)} new seeds of each have an even chance to show it."
 
 
 def _enough(seeds: int) -> int:
