@@ -41,7 +41,6 @@ import measurable
 import mended
 import noise
 import parity
-import polish
 import predictors
 import prompts
 import randomise
@@ -197,7 +196,6 @@ def parts() -> Mapping[str, Mapping[str, str]]:
             "searched": _rows(generations, generations.gym_rows, generations.GYM),
         },
         "docs/guides/gpus.md": {"speed": _rows(gpu)},
-        "docs/guides/polish.md": {"polish": _rows(polish)},
         "docs/guides/tune.md": {"tune": _rows(tune)},
         "docs/guides/robot.md": {
             "randomise": _rows(randomise),
