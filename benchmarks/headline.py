@@ -55,7 +55,7 @@ TITLES = (
 )
 ENDINGS = {
     "better": "better than the human one",
-    "level": "level with it",
+    "level": "level with it: no difference shown",
     "worse": "worse",
     "too few seeds": "not decided: three seeds are too few to tell",
     "both at zero": "not decided: both score zero",

@@ -1,1 +1,1 @@
-"""The parts that `loop.py` puts together, from prompts to the race for the crown."""
+"""The parts that `loop.py` puts together, from prompts to the final race."""

@@ -1,4 +1,4 @@
-"""Confirms the crown by training the leading rewards again, with fresh seeds: more only while it is undecided.
+"""Confirms the winner by training the leading rewards again, with fresh seeds: more only while it is undecided.
 
 One training says little of a reward: another seed may rank it anew.
 """
