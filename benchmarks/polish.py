@@ -2,7 +2,6 @@
 
     python benchmarks/polish.py                                # Quadcopter, BallBalance, Ant; hours on 2 cores
     python benchmarks/polish.py --env ant --shares 0 0.1 0.25  # weights mixed with fresh ones, too
-    make docs                                                  # the table in docs/guides/polish.md
 
 A strong model's rewards (`benchmarks/choosing/TASK.json`) and the human one train from scratch, with several seeds. The
 policy of all that plays best is the parent. From it each reward trains again, with as many other seeds, as a lane of
