@@ -1,6 +1,6 @@
 """How good is the reward that a schedule chooses? From trainings that are known whole; nothing trains here.
 
-    python benchmarks/choices.py      # the table, also in docs/concepts/schedule.md
+    python benchmarks/choices.py      # the table, also in docs/reference/measurements.md
 
 A schedule sees the trainings of one seed, and cuts by one number at its rungs. The reward that it chooses is judged by
 trainings with the other seeds. Two numbers to cut by, of two studies: what policies play at the rungs (`rungs.py`,

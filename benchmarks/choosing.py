@@ -2,7 +2,7 @@
 
     python benchmarks/choosing.py                          # all tasks; hours on 2 cores
     python benchmarks/choosing.py --env quadcopter         # one
-    make docs                                              # what is known, as tables in docs/concepts/scores.md
+    make docs                                              # what is known, as tables in docs/reference/measurements.md
 
 A strong model's rewards (`benchmarks/choosing/TASK.json`: replies to the first prompt of a search) and the human reward
 train with seed 0, as a search would train them, and with further seeds, as a final training would. Every policy that a

@@ -1,5 +1,6 @@
-"""Do later generations improve on the first? What finished searches say, as tables of docs/concepts/scores.md and, of
-Gymnasium's environments, of docs/guides/gymnasium.md.
+"""Do later generations improve on the first? What finished searches say.
+
+Tables of docs/reference/measurements.md and, of Gymnasium's environments, of docs/guides/gymnasium.md.
 
     eureka run env=quadcopter model=NAME base_url=... sample=8 iteration=2 steps=1500000 dir=outputs/quad
     python benchmarks/generations.py outputs/quad              # into benchmarks/results/generations.json

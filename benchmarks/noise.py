@@ -1,4 +1,4 @@
-"""Does an episode without noise tell what a policy has learnt? docs/concepts/scores.md has the answer.
+"""Does an episode without noise tell what a policy has learnt? docs/reference/measurements.md has the answer.
 
     python benchmarks/noise.py outputs/RUN ...    # every policy of these runs plays both ways, a row a task; minutes
     make docs                                     # the table

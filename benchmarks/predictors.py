@@ -1,7 +1,7 @@
 """What tells early how a training will end? Curves of finished searches, cut off at a share of their epochs.
 
     python benchmarks/predictors.py outputs/ant outputs/quad     # adds the lanes of these runs to the results
-    make docs                                                    # the tables in docs/concepts/schedule.md
+    make docs                                                    # the tables in docs/reference/measurements.md
 
 A lane is worth what its policy scores when it is played at the end. A signal is a number that its curves held after
 1/16, 1/8, 1/4 or 1/2 of the training; it is good if it ranks lanes as their worth does, and if the best lane is near

@@ -2,10 +2,10 @@
 
     python benchmarks/prompts.py                       # what is missing; writes benchmarks/results/prompts.json
     python benchmarks/prompts.py --env ant --seeds 0 1
-    make docs                                          # the table in docs/concepts/loop.md
+    make docs                                          # the table in docs/reference/measurements.md
 
 `benchmarks/prompts/TASK.json` holds a strong model's replies to the first prompt of a search, by the advice that this
-held, and the words of each. All train alike, in the way that learns soonest (see docs/concepts/schedule.md). What
+held, and the words of each. All train alike, in the way that learns soonest (see docs/reference/measurements.md). What
 counts is F of the last policy when it plays.
 """
 
@@ -33,7 +33,7 @@ RECIPES: Mapping[str, Mapping[str, float]] = {
     "anymal": {"noise": 0.4},
     "ballbalance": {"worlds": 64, "horizon": 32, "noise": 0.4},
 }
-"""What is other than in the task's recipe, see docs/concepts/schedule.md."""
+"""What is other than in the task's recipe, see docs/reference/measurements.md."""
 TITLES = (
     *("task", "advice", "accepted", "trainings", "F, mean over rewards ± standard error"),
     *("the best reward", "the human one"),

@@ -3,7 +3,7 @@
     python benchmarks/rungs.py --env ant --rewards human                         # with the task's recipe
     python benchmarks/rungs.py --env ant --rewards human --worlds 64 --horizon 32
     python benchmarks/rungs.py --env ant --worlds 64 --horizon 32                # a strong model's rewards as well
-    make docs                                                                    # tables in docs/concepts/schedule.md
+    make docs                                                                    # docs/reference/measurements.md
 
 Each lane is one training. At each rung its policy of that moment plays, as in a search, on start states of its own.
 What is done is in `benchmarks/results/rungs.json` and is not repeated; lanes are trained in parts, each written when it

@@ -1,6 +1,7 @@
-"""How often does a race call rewards different that are equal? Drawn scores, nothing trains: docs/concepts/scores.md.
+"""How often does a race call rewards different that are equal? Drawn scores, nothing trains.
 
     python benchmarks/verdicts.py      # minutes; writes benchmarks/results/verdicts.json
+    make docs                          # the table in docs/reference/measurements.md
 
 The races are those of `openeureka.method.race`. Their scores are drawn from normal distributions with the spreads of
 the rows of docs/reference/headline.md, one row after another. What plays and what is held out are the same scores, so

@@ -161,8 +161,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
             "claims": f"{_rows(claims, claims.answers, claims.ANSWERS)}\n{_rows(claims)}",
             "words": _rows(words),
         },
-        "docs/concepts/benchmark.md": {"reachable": _rows(reachable)},
-        "docs/concepts/scores.md": {
+        "docs/reference/measurements.md": {
             "choosing": "\n".join(
                 (
                     *(_rows(choosing, choosing.ranking, choosing.RANKING), choosing.RANKED),
@@ -170,19 +169,18 @@ def parts() -> Mapping[str, Mapping[str, str]]:
                     _rows(choosing, choosing.checkpoints, choosing.CHECKPOINTS),
                 )
             ),
-            "noise": _rows(noise),
             "verdicts": _rows(verdicts),
-            "make run": f"{make_run.markdown()}\n\n{make_run.shared()}".rstrip() + "\n",
+            "noise": _rows(noise),
             "generations": _rows(generations),
-        },
-        "docs/concepts/schedule.md": {
-            "signals": _rows(predictors, predictors.signals, predictors.SIGNAL_TITLES),
-            "signal": _rows(predictors, predictors.tasks, predictors.TASK_TITLES),
             "soon": _rows(rungs, rungs.soon, rungs.SOON),
             "telling": _rows(rungs, rungs.telling, rungs.TELLING),
+            "signals": _rows(predictors, predictors.signals, predictors.SIGNAL_TITLES),
+            "signal": _rows(predictors, predictors.tasks, predictors.TASK_TITLES),
             "choices": _table(choices.TITLES, choices.rows()),
+            "prompts": _rows(prompts),
         },
-        "docs/concepts/loop.md": {"prompts": _rows(prompts)},
+        "docs/concepts/benchmark.md": {"reachable": _rows(reachable)},
+        "docs/concepts/scores.md": {"make run": f"{make_run.markdown()}\n\n{make_run.shared()}".rstrip() + "\n"},
         "docs/concepts/training.md": {
             "parity": parity.sentence(read(parity.RESULTS)),
             "rivals": throughput.sentence(read(throughput.RESULTS)),

@@ -65,7 +65,7 @@ class Ant(Runner):
         )
     )
     # The original takes 32.8 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps, and
-    # more so when they begin calmly (docs/concepts/schedule.md).
+    # more so when they begin calmly (docs/reference/measurements.md).
     recipe = Recipe(
         hidden=(128, 64),
         env_steps=6_000_000,
