@@ -74,7 +74,7 @@ class Finding:
     """One reason for a refusal, addressed to the author of the program."""
 
     rule: str
-    """Short kebab-case name of the broken rule, as listed in `docs/concepts/sandbox.md`."""
+    """Short kebab-case name of the broken rule, as listed in `docs/guides/your-own-reward.md`."""
     message: str
     fix: str = ""
     """What to write instead."""
