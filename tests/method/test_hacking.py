@@ -7,8 +7,8 @@ import dataclasses
 import pytest
 
 from openeureka.method import hacking
-from openeureka.method.hacking import WORLDS, Kind, Tried
-from openeureka.types import Checkpoint, Evaluation, TrainingResult, TrainingState
+from openeureka.method.hacking import UNTRAINED, WORLDS, Kind, Tried
+from openeureka.types import NOMINAL, Checkpoint, Evaluation, TrainingResult, TrainingState
 
 
 def score(fitness: float | None, *, error: float = 0.1, concentration: float | None = 0.05) -> Evaluation:
@@ -21,7 +21,7 @@ def peak(epoch: int) -> Checkpoint:
     return Checkpoint(epoch=epoch, value=0.0, policy=b"")
 
 
-# The untrained policy's F is 10, as F is not defined in the first epoch. F peaks in epoch 2, the own reward in epoch 4.
+# F peaks in epoch 2, the own reward in epoch 4.
 RESULT = TrainingResult(
     lane="a-s1",
     state=TrainingState.FINISHED,
@@ -35,7 +35,8 @@ RESULT = TrainingResult(
 
 
 def lane(held_out: Evaluation, **trials: Evaluation) -> Tried:
-    return Tried(result=RESULT, held_out=held_out, trials=trials)
+    """Untrained its policy scores 10."""
+    return Tried(result=RESULT, held_out=held_out, trials={UNTRAINED: score(10.0), **trials})
 
 
 def drifting(before: Evaluation, after: Evaluation, result: TrainingResult = RESULT) -> Tried:
@@ -56,11 +57,24 @@ def test_drift_is_a_fall_of_f_by_a_fifth_of_its_range(before: float, after: floa
     assert bool(hacking.drift(drifting(score(before), score(after)))) is seen
 
 
-def test_what_was_learnt_in_all_is_not_known_after_an_earlier_stage() -> None:
+def test_what_was_learnt_is_not_known_where_no_untrained_policy_played() -> None:
     half = lane(score(110.0), **{"mass +10 %": score(30.0)})
     assert "80% of what was learnt is lost" in hacking.fragility(half)
     staged = dataclasses.replace(half, result=dataclasses.replace(RESULT, env_steps=9, steps_before=4))
-    assert hacking.fragility(staged) == ""
+    assert hacking.fragility(staged) == hacking.fragility(half)
+    older = dataclasses.replace(half, trials={"mass +10 %": score(30.0)})
+    assert hacking.fragility(older) == ""
+    undefined = dataclasses.replace(half, trials={**half.trials, UNTRAINED: score(None)})
+    assert hacking.fragility(undefined) == ""
+
+
+def test_the_curve_of_training_says_nothing_of_what_was_learnt() -> None:
+    """Its first F may be one of start states, or of a policy that has learnt for a while."""
+    half = lane(score(110.0), **{"mass +10 %": score(59.0)})
+    for first in (60.0, 109.0, 200.0):
+        curves = {**RESULT.curves, "fitness": (first, *RESULT.curves["fitness"][1:])}
+        other = dataclasses.replace(half, result=dataclasses.replace(RESULT, curves=curves))
+        assert hacking.fragility(other) == hacking.fragility(half) != ""
 
 
 def test_a_score_below_zero_is_measured_alike() -> None:
@@ -69,7 +83,7 @@ def test_a_score_below_zero_is_measured_alike() -> None:
     assert hacking.drift(drifting(score(-2.0), score(-3.7), below))
     assert not hacking.drift(drifting(score(-2.0), score(-3.5), below))
     for lost, seen in ((3.9, False), (4.1, True)):
-        trials = {"mass +10 %": score(-2.0 - lost)}
+        trials = {UNTRAINED: score(-10.0), "mass +10 %": score(-2.0 - lost)}
         assert bool(hacking.fragility(Tried(result=below, held_out=score(-2.0), trials=trials))) is seen
 
 
@@ -169,8 +183,10 @@ def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_training
     assert [(t.lane, t.name, t.peak) for t in trials] == [
         ("a-s1", "peak of F", "fitness"),
         *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),
+        ("a-s2", "untrained", "reward"),
     ]
-    assert [(t.dynamics.mass, t.dynamics.friction) for t in trials[1:]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
+    assert [(t.dynamics.mass, t.dynamics.friction) for t in trials[1:5]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
+    assert [t.name for t in trials if t.untrained] == ["untrained"] and trials[-1].dynamics == NOMINAL
 
 
 def test_the_score_of_the_policy_that_is_judged_stands_for_its_peak() -> None:

@@ -235,8 +235,8 @@ def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Pat
 
 def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path: Path) -> None:
     class Noisy(ToyTrainer):
-        def evaluate(self, env, policies, *, seed, episodes=0, dynamics=None):
-            for score in super().evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics):
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
                 shift = 3.0 if seed % 1000 == 4 else 0.0  # the second look
                 yield dataclasses.replace(score, fitness=(score.fitness or 0.0) + shift)
 

@@ -177,8 +177,9 @@ def test_a_run_without_a_screen_records_nothing(tmp_path: Path):
     class Old(ToyTrainer):
         """Knows nothing of screens."""
 
-        def evaluate(self, env, policies, *, seed, episodes=0, dynamics=None):
-            return super().evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics)
+        def evaluate(self, env, policies, *, seed, episodes=0, dynamics=None, untrained=None):
+            known = {"seed": seed, "episodes": episodes, "dynamics": dynamics, "untrained": untrained}
+            return super().evaluate(env, policies, **known)
 
     search(tmp_path / "run", Old(), replace(CONFIG, screen=1), (*FIRST, *SECOND[:2]))
     assert not list((tmp_path / "run").rglob("episodes.frame"))

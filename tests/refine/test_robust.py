@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView
 from openeureka.store import Store
+from openeureka.store.db import FILENAME
 from openeureka.tasks import ranges, registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import NOMINAL, Dynamics, Evaluation, LaneSpec, PolicyId, TrainBudget, TrainingResult
@@ -163,30 +165,36 @@ class Polishing(Recording):
         return found.holding({name: better for name in found.policies})
 
 
-@dataclass
-class Going(ToyTrainer):
-    """A lane that goes on from a policy is as good from its first epoch on."""
-
-    def result(self, lane: LaneSpec) -> TrainingResult:
-        found = super().result(lane)
-        high = (found.fitness,) * 3
-        return found if lane.start is None else replace(found, curves={**found.curves, "fitness": high})
-
-
 def test_what_is_left_of_what_was_learnt_is_told_as_before(searched: Path) -> None:
-    """What was learnt is what the first training learnt, not the one that went on."""
-    found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), Going(), sample=1).robust
-    assert found is not None and found.before == found.after
+    """What was learnt is told by one untrained policy, not by another of each lane."""
+    found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1).robust
+    assert found is not None and found.before == found.after and found.before[0].low == 0.4
+
+
+def test_where_no_untrained_policy_played_what_is_left_is_unknown(searched: Path) -> None:
+    """As in what an older version left; going on lets one play, and nothing else twice."""
+    make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1)
+    with sqlite3.connect(searched / FILENAME) as database:
+        (trigger,) = database.execute("SELECT sql FROM sqlite_master WHERE name = 'trials_DELETE'").fetchone()
+        database.execute("DROP TRIGGER trials_DELETE")
+        database.execute("DELETE FROM trials WHERE name = 'sweep untrained'")
+        database.execute(trigger)
+    found = RunView.read(searched).robust
+    assert found is not None and {one.low for one in (*found.before, *found.after)} == {None}
+    trainer = Recording()
+    again = make(searched, ScriptedModel([]), trainer, sample=1).robust
+    assert again is not None and again.before[0].low == 0.4
+    assert trainer.seeds == {CHOOSING: {"sweep untrained"}}
 
 
 def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     model = ScriptedModel([TABLE.format(0.9, 1.1)])
     make(searched, model, Toughening(), sample=1)
     text = model.prompts[0].messages[-1].content
-    # Of 8.01 - 1 at its own mass; training began at half of the worth, 4.005: a tenth of the mass is a third of that.
-    assert "- mass: 0.4: 1.01 (-100%), 0.6: 3.01 (-33%), 0.8: 5.01 (33%), 0.9: 6.01 (67%), 1: 7.01 (100%)" in text
+    # Of 8.01 - 1 at its own mass; untrained it has -1: a tenth of the mass costs 1 of the 8.01 that it learnt.
+    assert "- mass: 0.4: 1.01 (25%), 0.6: 3.01 (50%), 0.8: 5.01 (75%), 0.9: 6.01 (88%), 1: 7.01 (100%)" in text
     assert text.startswith("A policy is to be trained on under the same reward")
-    assert "works from 1 to 1" in text and "- delay [s], 0 to 1" in text and "A cart." in text
+    assert "works from 0.8 to 1.2" in text and "- delay [s], 0 to 1" in text and "A cart." in text
 
 
 @pytest.mark.parametrize(("whole", "half"), [(101, 50), (1, 1)])

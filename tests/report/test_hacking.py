@@ -22,7 +22,8 @@ def judged(concentration: float) -> RunView:
     }
     kept = next(lane for lane in scores if lane.endswith("-s2"))
     heavier = Evaluation(lane=kept, fitness=40.0, episode_length=9.0, episodes=4, error=0.25)
-    return dataclasses.replace(run, evaluations=scores, trials={kept: {"mass +10 %": heavier}})
+    tried = {"mass +10 %": heavier, "untrained": dataclasses.replace(heavier, fitness=1.0)}
+    return dataclasses.replace(run, evaluations=scores, trials={kept: tried})
 
 
 def test_a_sign_is_flagged_on_the_page_in_the_file_and_in_the_terminal(tmp_path: Path) -> None:
@@ -53,6 +54,15 @@ def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> N
     report = words(html.report(dataclasses.replace(run, trials=unplayed), tmp_path))
     assert report.count("| not seen |") == 2 and "| not looked at |" in report
     assert "as the task has it" not in report
+
+
+def test_where_no_untrained_policy_played_what_was_learnt_is_not_known(tmp_path: Path) -> None:
+    """As in runs of an older version."""
+    run = judged(0.06)
+    older = {lane: {"mass +10 %": tried["mass +10 %"]} for lane, tried in run.trials.items()}
+    report = words(html.report(dataclasses.replace(run, trials=older), tmp_path))
+    assert report.count("| not seen |") == 2 and "| fails in a slightly changed world | not looked at |" in report
+    assert "| mass +10 % | 40.00 ± 0.25 |" in report
 
 
 def test_a_run_that_was_never_tried_says_nothing(tmp_path: Path) -> None:

@@ -11,13 +11,16 @@ import torch
 
 from openeureka.method import hacking
 from openeureka.method.hacking import Kind, Sign
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.training.evaluate import concentration, evaluate, summed_up
+from openeureka.training.policy import Policy
 from openeureka.training.population import Population
 from openeureka.types import (
     Dynamics,
     Evaluation,
     LaneSpec,
     Node,
+    Observe,
     RewardGraph,
     RewardProgram,
     TrainBudget,
@@ -48,7 +51,8 @@ def signs() -> dict[str, tuple[Sign, ...]]:
     peaks |= {(spec, "reward"): result.best_reward for spec, result in results.items()}
     policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.lane, trial.peak])}
     dynamics = {key: trial.dynamics for key, trial in trials.items()}
-    scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=32, threads=1)
+    untrained = {key: 1 for key, trial in trials.items() if trial.untrained}
+    scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, untrained=untrained, episodes=32, threads=1)
     found: dict[str, dict[str, Evaluation]] = {spec: {} for spec in results}
     for score in scores:
         found[trials[score.lane].lane][trials[score.lane].name] = score
@@ -65,6 +69,20 @@ def test_a_hacked_reward_is_flagged(signs: dict[str, tuple[Sign, ...]]):
 
 def test_an_honest_reward_is_not(signs: dict[str, tuple[Sign, ...]]):
     assert signs["human"] == ()
+
+
+@pytest.mark.parametrize("observe", ["all", "measurable"])
+def test_an_untrained_policy_is_the_one_that_a_training_begins_with(observe: Observe):
+    budget = TrainBudget(env_steps=16 * 8 * 6, worlds=8, observe=observe)
+    population = Population("cartpole", [LaneSpec(id="a", program="human", seed=3)], budget, threads=1)
+    begun = population._now(0).to_bytes()
+    (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
+    learnt = result.last or b""
+    assert learnt != begun and Policy.from_bytes(learnt).untrained(3, Cartpole.recipe).to_bytes() == begun
+    policies, untrained = {"a": learnt, "b": learnt, "c": begun}, {"b": 3}
+    scores = evaluate("cartpole", policies, seed=5, untrained=untrained, episodes=8, threads=1)
+    a, b, c = (replace(score, lane="") for score in scores)
+    assert b == c != a and policies["b"] == learnt
 
 
 def test_more_worlds_than_there_is_room_for_are_played_in_turn(monkeypatch: pytest.MonkeyPatch):

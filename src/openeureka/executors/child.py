@@ -59,6 +59,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
         episodes=header["episodes"],
         dynamics=shaped(dict[str, Dynamics], header["dynamics"]),
         record=header["record"],
+        untrained=header["untrained"],
         **options,
     )
     for score in scores:

@@ -255,6 +255,7 @@ class Questions:
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
         record: Collection[str] = (),
+        untrained: Mapping[str, int] | None = None,
     ) -> Iterator[Evaluation]:
         """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose
         machine left more often.
@@ -264,7 +265,7 @@ class Questions:
             WorkerError: when it dies again.
         """
         header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
-        header |= {"dynamics": plain(dynamics or {}), "record": list(record)}
+        header |= {"dynamics": plain(dynamics or {}), "record": list(record), "untrained": dict(untrained or {})}
         left, deaths, losses = dict(policies), 0, 0
         while left and deaths < 2:
             with closing(self._transport.call(Frame(header, left), self._seat)) as call:

@@ -29,6 +29,8 @@ WORLDS: Mapping[str, Dynamics] = {
     "friction -10 %": Dynamics(friction=0.9),
 }
 """The changed worlds that the final policy is tried in."""
+UNTRAINED = "untrained"
+"""The trial of the policy that the seed begins with, in the task's own world."""
 PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
 """Names of the scores of a training's policies."""
 
@@ -58,7 +60,8 @@ class Tried:
     result: TrainingResult
     held_out: Evaluation
     trials: Mapping[str, Evaluation]
-    """By name: those of `WORLDS` for the policy that is kept, and of `PEAKS` where those are two policies."""
+    """By name: those of `WORLDS` and `UNTRAINED` for the policy that is kept, and of `PEAKS` where those are two
+    policies."""
 
 
 def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Trial]:
@@ -66,7 +69,7 @@ def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str,
 
     Args:
         results: final trainings of the best reward by lane id.
-        kept: the one whose policy is the run's; it alone plays in the changed worlds.
+        kept: the one whose policy is the run's; it alone plays in the changed worlds, and as it was untrained.
         peaks: of each, the policy that has a held-out score already.
     """
     drifting = [
@@ -76,7 +79,8 @@ def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str,
         for other in ("fitness", "reward")
         if other != peaks[lane]
     ]
-    return drifting + [Trial(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
+    changed = [Trial(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
+    return [*drifting, *changed, Trial(lane=kept, name=UNTRAINED, peak=peaks[kept], untrained=True)]
 
 
 def tried(
@@ -179,12 +183,12 @@ def fragility(lane: Tried) -> str:
         if (changed := lane.trials.get(name)) is not None and (loss := _loss(lane.held_out, changed)) is not None
     }
     worst = max(losses, key=losses.__getitem__, default="")
-    learnt = _learnt(lane.result, lane.held_out)
-    if not worst or learnt is None or losses[worst] <= FRAGILE * learnt:
+    gained = learnt(lane.held_out, lane.trials.get(UNTRAINED))
+    if not worst or gained is None or losses[worst] <= FRAGILE * gained:
         return ""
     return (
         f"With {worst} held-out F is {number(lane.trials[worst].fitness, 3)} instead of "
-        f"{number(lane.held_out.fitness, 3)}: {losses[worst] / learnt:.0%} of what was learnt is lost."
+        f"{number(lane.held_out.fitness, 3)}: {losses[worst] / gained:.0%} of what was learnt is lost."
     )
 
 
@@ -194,19 +198,12 @@ def _range(result: TrainingResult) -> float | None:
     return max(values) - min(values) if values else None
 
 
-def _learnt(result: TrainingResult, score: Evaluation) -> float | None:
-    """How far F is above that of the untrained policy; None when training gained nothing, or that is not known."""
-    before = untrained(result)
-    if before is None or score.fitness is None or score.fitness <= before:
+def learnt(score: Evaluation | None, untrained: Evaluation | None) -> float | None:
+    """How far F is above that of the untrained policy; None when training gained nothing, or that is not known: older
+    versions let no untrained policy play."""
+    if score is None or untrained is None or score.fitness is None or untrained.fitness is None:
         return None
-    return score.fitness - before
-
-
-def untrained(result: TrainingResult) -> float | None:
-    """F of an almost untrained policy, the first that is defined; None where the curves do not begin with that one, as
-    those of a curriculum's last stage."""
-    curve = result.curves.get("fitness", ()) if not result.steps_before else ()
-    return next((value for value in curve if value is not None), None)
+    return score.fitness - untrained.fitness if score.fitness > untrained.fitness else None
 
 
 def _loss(before: Evaluation, after: Evaluation) -> float | None:

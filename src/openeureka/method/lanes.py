@@ -381,11 +381,15 @@ class Lanes:
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
-        seed = self.config.seed + starts
-        play = self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics)
+        records, seed = self.store.lanes.all(), self.config.seed + starts
+        untrained = {key: records[missing[key].lane].seed for key in playing if missing[key].untrained}
+        play = self.trainer.evaluate(
+            self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics, untrained=untrained
+        )
         for score in play:
             trial = missing[score.lane]
-            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=trial.peak))
+            peak = None if trial.untrained else trial.peak
+            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=peak))
 
 
 def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:

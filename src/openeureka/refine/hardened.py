@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ..method.hacking import untrained
+from ..method.hacking import learnt
 from ..score import breach, pooled, worth
 from ..stats import mean
 from ..store import Store
@@ -36,6 +36,8 @@ HARD: Mapping[str, Dynamics] = {
 start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
+UNTRAINED = "sweep untrained"
+"""The trial of the policy that all begin from, as it was untrained."""
 PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
 """The policy that the search left; the same, trained on as it was; and ranges that nobody gave a reason for."""
 
@@ -156,16 +158,16 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], lim
 
 def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
     """How far a lane's policy carries along each quantity, as far as it was tried."""
-    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(origin(store, lane))
-    nominal = scores["sweep"].fitness if "sweep" in scores else None
-    before = untrained(result) if result is not None else None
-    learnt = nominal - before if nominal is not None and before is not None else 0.0
+    trials, known = store.lanes.trials(), store.hardening()
+    scores, began = trials.get(lane, {}), trials.get(known.policy.lane, {}) if known is not None else {}
+    nominal = scores.get("sweep")
+    gained = learnt(nominal, began.get(UNTRAINED))
 
     def point(value: float, score: Evaluation | None) -> tuple[float, float | None, float | None]:
         fitness = score.fitness if score is not None else None
-        if fitness is None or nominal is None or learnt <= 0.0:
+        if fitness is None or nominal is None or nominal.fitness is None or gained is None:
             return value, fitness, None
-        return value, fitness, 1.0 - (nominal - fitness) / learnt
+        return value, fitness, 1.0 - (nominal.fitness - fitness) / gained
 
     found: list[Carried] = []
     for name in quantities:
@@ -173,14 +175,6 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
         points.append(point(float(getattr(NOMINAL, name)), scores.get("sweep")))
         found.append(Carried(name=name, points=tuple(sorted(points))))
     return found
-
-
-def origin(store: Store, lane: str) -> str:
-    """The lane that began untrained, of those that led to this one."""
-    lanes = store.lanes.all()
-    while (start := lanes[lane].start) is not None:
-        lane = start.policy.lane
-    return lane
 
 
 def mean_of(scores: Mapping[str, Evaluation], prefix: str) -> float | None:

@@ -36,7 +36,7 @@ from ..types import (
     Trial,
 )
 from ..types.dynamics import SCALES
-from .hardened import GRID, HARD, KEEPS, LONGER, UNIFORM, Carried, carries, chosen, origin
+from .hardened import GRID, HARD, KEEPS, LONGER, UNIFORM, UNTRAINED, Carried, carries, chosen
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
@@ -77,7 +77,8 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     store.save_hardening(training)
     lanes.tell(Began("evaluate"))
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
-    lanes.try_out(sweep(began, robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
+    untrained = Trial(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=True)
+    lanes.try_out([*sweep(began, robot.quantities), untrained], starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
     # As it was trained; from scratch that would be the best policy again.
@@ -132,7 +133,10 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
 
 def _half(store: Store, policy: PolicyId) -> int:
     """Half of the steps of the training that made a policy, whatever carried it on since."""
-    return max(1, store.lanes.results()[origin(store, policy.lane)].env_steps // PARTS)
+    lane, lanes = policy.lane, store.lanes.all()
+    while (start := lanes[lane].start) is not None:
+        lane = start.policy.lane
+    return max(1, store.lanes.results()[lane].env_steps // PARTS)
 
 
 def _best(store: Store) -> PolicyId:

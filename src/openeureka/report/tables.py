@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ..config import RunConfig
 from ..method import baselines
-from ..method.hacking import PEAKS, WORLDS, Kind
+from ..method.hacking import PEAKS, UNTRAINED, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
@@ -235,8 +235,7 @@ def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None
 def exploits(run: RunView) -> Table:
     """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
-    # What a curriculum's last stage begins with has learnt already, so what it learnt in all is not known.
-    looked = worlds(run).rows and not run.config.curriculum
+    looked = worlds(run).rows and any(UNTRAINED in lane.trials for lane in run.tried)
     unseen = {Kind.FRAGILITY: "not seen" if looked else "not looked at"}
     rows = [
         (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))

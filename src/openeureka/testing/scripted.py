@@ -98,7 +98,7 @@ class ToyChecker:
 @dataclass
 class ToyTrainer:
     """F is the number a program returns plus seed / 100, one less when played; the human reward is worth 10, the sparse
-    one 5. From a policy it is the worth of that, as far as it is not mixed with fresh weights."""
+    one 5, what is untrained 0. From a policy it is the worth of that, as far as it is not mixed with fresh weights."""
 
     trained: list[str] = field(default_factory=list)
     error: float = 0.0
@@ -151,11 +151,12 @@ class ToyTrainer:
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
         record: Collection[str] = (),
+        untrained: Mapping[str, int] | None = None,
     ) -> Iterator[Evaluation]:
         for lane, policy in policies.items():
             yield Evaluation(
                 lane=lane,
-                fitness=float(policy) - 1,
+                fitness=(0.0 if lane in (untrained or ()) else float(policy)) - 1,
                 episode_length=3.0,
                 episodes=episodes or 4,
                 error=self.error,

@@ -40,6 +40,7 @@ def evaluate(
     dynamics: Mapping[str, Dynamics] | None = None,
     episodes: int = 0,
     record: Collection[str] = (),
+    untrained: Mapping[str, int] | None = None,
     noise: bool | None = None,
     device: str = "cpu",
     threads: int = 0,
@@ -58,12 +59,19 @@ def evaluate(
         dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
             world: they play no episode and have no score.
         record: the lanes some of whose episodes come with the score.
+        untrained: the lanes that play with the weights that a seed begins with, in place of their policy's.
         noise: whether actions have the noise of training; None where all episodes begin alike.
         alive: called after every step of all worlds, and what else may take minutes.
     """
     worlds, seed = episodes or EPISODES, seed + HELD_OUT_SEED
     changed = {lane: world for lane, world in (dynamics or {}).items() if world != NOMINAL}
-    unplayed = changed.keys() if registry.get(env).draws_itself else set[str]()
+    task = registry.get(env)
+    begun = {
+        lane: Policy.from_bytes(policies[lane]).untrained(own, task.recipe).to_bytes()
+        for lane, own in (untrained or {}).items()
+    }
+    policies = {**policies, **begun}
+    unplayed = changed.keys() if task.draws_itself else set[str]()
     scores = [
         Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from safetensors import SafetensorError
@@ -12,6 +12,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from ..errors import RewardFileError
+from ..tasks.task import Recipe
 from .heads import head
 from .network import CRITIC, StackedActorCritic, normalize, shapes
 from .ppo import PPO
@@ -44,6 +45,12 @@ class Policy:
         """A copy of one lane as it is now."""
         statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
         return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices, ppo.network.unseen, interface or {})
+
+    def untrained(self, seed: int, recipe: Recipe) -> Policy:
+        """What a training with a seed begins with, of the same shape; it sees of observations what this one sees."""
+        recipe = replace(recipe, hidden=self.hidden)
+        sizes, cpu = (self.observations, self.actions), torch.device("cpu")
+        return Policy.of(self.env, PPO([seed], *sizes, recipe, cpu, self.choices, self.unseen), 0, self.interface)
 
     def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
         """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.

@@ -300,7 +300,7 @@ class Evaluation:
     concentration: Finite | None = None
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
     peak: Peak | None = None
-    """Which of the lane's policies it is; None where an older version did not say."""
+    """Which of the lane's policies it is; None of an untrained one, and where an older version did not say."""
     costs: Mapping[Name, Finite] = field(default_factory=dict[str, float], hash=False)
     """What it costs, by the names in `COSTS`; those that its task has."""
     recorded: Episodes | None = field(default=None, compare=False, repr=False)
@@ -320,6 +320,8 @@ class Trial:
     peak: Peak
     """Which of its policies plays."""
     dynamics: Dynamics = NOMINAL
+    untrained: bool = False
+    """Whether it plays with the weights that the lane's seed begins with, as before it learnt anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,6 +358,7 @@ class Trainer(Protocol):
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
         record: Collection[str] = (),
+        untrained: Mapping[str, int] | None = None,
     ) -> Iterator[Evaluation]:
         """Score of each policy (lane id -> safetensors bytes), all on the same start states, which no training saw.
 
@@ -364,6 +367,7 @@ class Trainer(Protocol):
             episodes: of each policy; 0 for as many as a final score needs.
             dynamics: the lanes that play in another world than the task's.
             record: the lanes some of whose episodes come with the score; nobody asks but with `screen=`.
+            untrained: the lanes that play with the weights that a seed begins with, in place of their policy's.
         """
         ...
 

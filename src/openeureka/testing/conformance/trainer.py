@@ -11,9 +11,9 @@ class TestMyTrainer(TrainerConformance):
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from openeureka.types import (
     Dynamics,
@@ -151,6 +151,15 @@ class TrainerConformance:
         assert scores["own"].episodes == alone.episodes
         assert math.isclose(scores["own"].episode_length, alone.episode_length, rel_tol=0.05)
 
+    def test_what_is_untrained_plays_as_its_seed_begins(self) -> None:
+        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
+        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        one, other = self._scores(policies, untrained=dict.fromkeys(policies, 5))
+        assert (one.lane, other.lane) == tuple(policies) and one.episodes == other.episodes
+        assert math.isclose(one.episode_length, other.episode_length, rel_tol=0.05)
+        scores = [score.fitness or 0.0 for score in (one, other)]
+        assert math.isclose(*scores, rel_tol=0.05)
+
     def test_recorded_episodes_come_with_an_unchanged_score(self) -> None:
         peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
         policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
@@ -172,13 +181,10 @@ class TrainerConformance:
         self,
         policies: Mapping[str, bytes],
         trainer: Trainer | None = None,
-        *,
-        dynamics: Mapping[str, Dynamics] | None = None,
-        record: Collection[str] = (),
+        **options: Any,
     ) -> list[Evaluation]:
         playing = trainer or self.make()
-        episodes = self.episodes
-        return list(playing.evaluate(self.env, policies, seed=7, episodes=episodes, dynamics=dynamics, record=record))
+        return list(playing.evaluate(self.env, policies, seed=7, episodes=self.episodes, **options))
 
     def _events(self) -> list[TrainingEvent]:
         """Of one training for all checks of the class: it may take seconds."""
