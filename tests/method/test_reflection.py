@@ -57,7 +57,8 @@ def test_feedback_on_a_training() -> None:
     assert reflect(SAMPLE, RESULT, "free").splitlines() == [
         "A policy was trained with this reward function for 40 epochs. Each list begins with the first epoch and has a "
         "value every 4 epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps "
-        "and environments of the epoch. task_score is the score of the policy in training, while it explored. "
+        "and environments of the epoch. task_score is the score of the policy in training, while it explored "
+        "(none: too early to tell). "
         "episode_length is the mean of the episodes that ended in the epoch alone, at times a single one [steps].",
         "speed: [0.10, 0.50, 0.90, 1.30, 1.70, 2.10, 2.50, 2.90, 3.30, 3.70], Max: 4.00, Mean: 2.05, Min: 0.10",
         "effort: [" + ", ".join(["-0.0012"] * 10) + "], Max: -0.0012, Mean: -0.0012, Min: -0.0012",
@@ -71,9 +72,11 @@ def test_feedback_on_a_training() -> None:
 def test_a_score_that_looks_back_says_over_how_many_epochs() -> None:
     """A level score still rises in the list, for as many epochs as it averages."""
     played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    at_once = replace(RESULT, curves={**RESULT.curves, "fitness": RESULT.curves["human_reward"]})
     for found, end in ((None, "."), (played, "; rewards are ranked by the score when played instead.")):
-        told = reflect(SAMPLE, RESULT, "free", found, window=12)
-        assert f"the policy in training, while it explored, averaged over the last 12 epochs{end} " in told
+        for result, late in ((RESULT, " (none: too early to tell)"), (at_once, "")):
+            told = reflect(SAMPLE, result, "free", found, window=12)
+            assert f"in training, while it explored, averaged over the last 12 epochs{late}{end} " in told
     assert "averaged" not in reflect(SAMPLE, RESULT, "free", played)
 
 
@@ -88,7 +91,7 @@ def test_the_model_is_not_shown_what_ppo_did() -> None:
 def test_where_played_policies_rank_the_score_in_training_is_told_apart() -> None:
     played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     told = reflect(SAMPLE, RESULT, "free", played).splitlines()
-    assert "in training, while it explored; rewards are ranked by the score when played instead. " in told[0]
+    assert "(none: too early to tell); rewards are ranked by the score when played instead. " in told[0]
     assert told[1:] == reflect(SAMPLE, RESULT, "free").splitlines()[1:]
     assert reflect(SAMPLE, RESULT, "grammar", played) == reflect(SAMPLE, RESULT, "grammar")
 

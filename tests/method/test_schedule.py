@@ -54,6 +54,21 @@ def test_who_breaks_a_limit_goes_on_after_those_who_keep_it():
     assert leaders(scores, Rung(1 / 4, 1 / 3), {}) == {"a"}
 
 
+class Late(ToyTrainer):
+    """F is told in the second half of a training, as where it tells of steps and episodes are long."""
+
+    def _paused(self, lane, until):
+        return replace(super()._paused(lane, until), fitness=None, best_fitness=None)
+
+
+def test_those_that_are_cut_before_f_is_told_play_all_the_same(tmp_path: Path):
+    search(tmp_path / "run", Late())
+    candidates = {c.result.lane: c for c in RunView.read(tmp_path / "run").candidates if c.result is not None}
+    cut = [candidates[lane(worth)] for worth in WORTHS if worth != 8]
+    assert {c.state for c in cut} == {CandidateState.CUT} and {c.fitness for c in cut} == {None}
+    assert [c.score for c in cut] == [worth - 1.0 for worth in WORTHS if worth != 8]
+
+
 def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):
     trainer = ToyTrainer()
     search(tmp_path / "run", trainer)

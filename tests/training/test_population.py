@@ -400,6 +400,39 @@ def test_fitness_waits_neither_for_episodes_that_last_nor_where_it_tells_of_ever
         assert curves.close_epoch()[0] == [wanted]
 
 
+def test_fitness_of_steps_waits_until_an_episode_has_passed():
+    """At the start each world is worth 10, and 1 from the next step on."""
+    zero, found = torch.zeros(1, 2), {}
+    for full in (0, 2):
+        curves = Curves(lanes=1, worlds=2, window=2, full=full, settled=4)
+        for value in (10.0, 1.0, 1.0):
+            score = Score(torch.full((2,), value), torch.ones(2))
+            step = step_of(score, ended=False)._replace(timed_out=torch.zeros(2, dtype=torch.bool))
+            curves.add(step, zero, zero, torch.zeros(0, 2), zero[0])
+            found.setdefault(full, []).extend(curves.close_epoch()[0])
+    assert found == {0: [10.0, 5.5, 1.0], 2: [None, 5.5, 1.0]}
+
+
+def test_a_policy_that_learns_nothing_is_no_peak_because_all_worlds_begin_with_a_reset():
+    """A quadcopter starts near its target; 500 steps of an episode are 16 epochs of 32."""
+
+    def train(epochs: int, until: float = 1.0, start: TrainingResult | None = None) -> TrainingResult:
+        budget = TrainBudget(env_steps=16 * 32 * epochs, worlds=16, until=until)
+        spec = LaneSpec(id="human", program="human", paused=start.paused if start is not None else None)
+        messages = Population("quadcopter", [spec], budget, threads=1).train()
+        return next(message for message in messages if isinstance(message, TrainingResult))
+
+    whole = train(20)
+    fitness = whole.curves["fitness"]
+    assert fitness[:15] == (None,) * 15 and None not in fitness[15:]
+    assert whole.best_fitness is not None and whole.best_fitness.epoch >= 15 and whole.fitness == max(fitness[15:])
+    half = train(20, until=0.5)  # the pause is no end
+    assert half.fitness is None and half.curves["fitness"] == (None,) * 10
+    assert dataclasses.replace(train(20, start=half), seconds=0.0) == dataclasses.replace(whole, seconds=0.0)
+    short = train(3).curves["fitness"]  # too short: the end counts, and no epoch before
+    assert short[:2] == (None, None) and short[2] is not None
+
+
 LUCKY = """
 import torch
 from openeureka.suite.isaac.cartpole import Cartpole

@@ -319,8 +319,9 @@ class Lanes:
     def _look(self, look: int, ids: Sequence[str]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
         known, results, records = self.store.lanes.plays(), self.store.lanes.results(), self.store.lanes.all()
-        # Whose F is undefined wins nothing, unless no episode ended as it went on from a policy for a while.
-        ids = [lane for lane in ids if results[lane].fitness is not None or records[lane].start is not None]
+        # Whose F is undefined wins nothing, unless it was cut while F waited, or went on from a policy for too short.
+        early = {lane for lane in ids if results[lane].state is TrainingState.CUT or records[lane].start is not None}
+        ids = [lane for lane in ids if results[lane].fitness is not None or lane in early]
         missing: list[tuple[str, Peak]] = [
             (lane, peak) for lane in ids for peak in self.peaks if len(known.get(lane, {}).get(peak, ())) <= look
         ]

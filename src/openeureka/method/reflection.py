@@ -19,7 +19,8 @@ _INTRODUCTION = """\
 A policy was trained with this reward function for {epochs} epochs{staged}. Each list begins with the first epoch and \
 has a value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all \
 steps and environments of the epoch. task_score is the score of the policy in training, while it explored{averaged}\
-{ranks}. episode_length is the mean of the episodes that ended in the epoch alone, at times a single one [steps]."""
+{late}{ranks}. episode_length is the mean of the episodes that ended in the epoch alone, at times a single one \
+[steps]."""
 _EARLY_AND_LATE = (
     "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
 )
@@ -27,6 +28,7 @@ _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
 """Curves that the feedback shows beside the components, by what it calls them."""
 _STAGED = ", the last stage of a curriculum; it began with what the stages before had taught it"
 _AVERAGED = ", averaged over the last {window} epochs"
+_LATE = " (none: too early to tell)"
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
@@ -61,6 +63,7 @@ def reflect(
         staged=_STAGED if result.steps_before else "",
         interval=_interval(result.curves, points=10),
         averaged=_AVERAGED.format(window=window) if window > 1 else "",
+        late=_LATE if _late(result.curves) else "",
         ranks=_RANKS if played is not None else "",
     )
     parts = _parts(result.curves) if played is not None else []
@@ -138,6 +141,12 @@ def _interval(curves: Curves, points: int) -> int:
 
 def _epochs(curves: Curves) -> int:
     return max(map(len, curves.values()), default=0)
+
+
+def _late(curves: Curves) -> bool:
+    """Whether F was told from a later epoch on."""
+    fitness = curves.get("fitness", ())
+    return fitness[:1] == (None,) and any(value is not None for value in fitness)
 
 
 def _line(name: str, curve: Sequence[float | None], interval: int, brief: bool) -> str:

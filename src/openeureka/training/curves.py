@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,6 +22,9 @@ class Curves:
     F alone looks back over `window` epochs, as long as an episode. In one epoch only a dozen of some hundred worlds end
     theirs, and worlds that once failed together stay in step: the maximum over epochs would reward luck and phase.
 
+    Where F tells of steps, it waits for `full` epochs. All worlds begin with a reset: before an episode's length has
+    passed, F would be that of start states, and often the highest of the training.
+
     Where F tells of whole episodes at their ends, and one ended before its time, F waits for `settled` epochs. Until
     twice the length of an episode has passed, episodes that last are missing among those that ended: a policy that
     seldom succeeds, but then ends the episode, would show the F of its successes alone.
@@ -30,6 +34,7 @@ class Curves:
     Args:
         lanes, worlds: L lanes of n worlds.
         window: epochs that F looks back over.
+        full: epochs after which F tells of steps that end no episode; 0 tells of them from the first.
         settled: epochs after which F tells of episodes whose end may come early; 0 tells of them from the first.
         components: (lane, name) of each reward component.
 
@@ -43,6 +48,7 @@ class Curves:
         worlds: int,
         window: int = 1,
         *,
+        full: int = 0,
         settled: int = 0,
         components: Sequence[tuple[int, str]] = (),
         device: torch.device | str = "cpu",
@@ -50,7 +56,7 @@ class Curves:
         self.lanes, self.worlds, self.components, self.device = lanes, worlds, components, device
         self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
         self._scores: deque[Tensor] = deque(maxlen=window)
-        self._settled = settled
+        self._full, self._settled = full, settled
         self._where = torch.zeros(lanes, 2, dtype=torch.float64, device=device)
         """Weight in F so far: of steps that terminated an episode, and of steps that ended none."""
         self.moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
@@ -85,8 +91,8 @@ class Curves:
     def close_epoch(self, *, parts: bool = False) -> tuple[list[float | None], list[float]]:
         """Append the epoch to every curve; returns F and the mean own reward per step of each lane.
 
-        F is None where no episode was scored, and where it waits; NaN or infinite where the task made it so, and None
-        in its curve.
+        F is None where no episode was scored, and where a finite one waits; NaN or infinite where the task made it so,
+        and None in its curve.
 
         Args:
             parts: whether the epoch counts for `early_and_late`.
@@ -95,7 +101,7 @@ class Curves:
         self._scores.append(self._sums[:, :2])
         scores = torch.stack(list(self._scores)).sum(0).tolist()
         self._where += self._sums[:, 7:]
-        waits = [terminated > 0 and not elsewhere for terminated, elsewhere in self._where.tolist()]
+        waits = [self._waits(*where) for where in self._where.tolist()]
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
         for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
             components[lane][COMPONENT + name] = _short(total / self._steps)
@@ -108,9 +114,11 @@ class Curves:
             length, done, own, human = row[2:6]
             transitions = self._steps * self.worlds
             epoch = len(self.curves[lane].get("fitness", ()))
-            told = weight and not (waits[lane] and epoch + 1 < self._settled)
+            looked = value / weight if weight else None
+            if epoch + 1 < waits[lane] and math.isfinite(looked or 0.0):  # else it is told at once, and stops the lane
+                looked = None
             point: dict[str, float | None] = {
-                "fitness": value / weight if told else None,
+                "fitness": looked,
                 "episode_length": length / done if done else None,
                 "reward": own / transitions,
                 "human_reward": human / transitions,
@@ -123,6 +131,12 @@ class Curves:
             own_means.append(own / transitions)
         self._start()
         return fitness, own_means
+
+    def _waits(self, terminated: float, elsewhere: float) -> int:
+        """Epochs after which F is told, by the weight in it of steps that terminated an episode, and of others."""
+        if elsewhere:
+            return self._full
+        return self._settled if terminated else 0
 
     def learned(self, statistics: Tensor) -> None:
         """What PPO says of the update (L, 5) that followed the closed epoch; where it is not finite, nothing."""

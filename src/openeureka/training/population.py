@@ -124,7 +124,9 @@ class Population:
             self.lanes,
             self.worlds,
             window=window,
-            # A training that is too short for it has the F of its end at least.
+            # A training that is too short for them has the F of its end at least; a pause is no end, so that what goes
+            # on is as if it had not paused.
+            full=min(window, self.epochs),
             settled=0 if task.counts_early else min(2 * window, self.epochs),
             components=self.rewards.components,
             device=self.device,
