@@ -1,7 +1,7 @@
 """What a run loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
 
     python benchmarks/crashes.py                    # every point; writes benchmarks/results/crashes.json
-    python benchmarks/crashes.py --stride 5         # every fifth point of each mode, for a look; kept nowhere
+    python benchmarks/crashes.py --stride 5         # every fifth point of each mode, for a look; kept where --out says alone
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
 programs, a slot that is given up, a person's remarks, final trainings, trials. So are searches that cut lanes, that
@@ -306,7 +306,9 @@ def measure(folder: Path, kind: str, stride: int) -> dict[str, Outcome]:
 
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--stride", type=int, default=1, help="take every so many-th point; beyond 1 nothing is kept")
+    parser.add_argument(
+        "--stride", type=int, default=1, help="take every so many-th point; beyond 1 for a look, which --out keeps"
+    )
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     # A killed process needs no disk: the page cache outlives it, and memory makes the syncs of hundreds of runs free.
@@ -319,7 +321,7 @@ def main() -> None:
         "stride": options.stride,
         "runs": {kind: {mode: asdict(outcome) for mode, outcome in modes.items()} for kind, modes in found.items()},
     }
-    if options.stride == 1:
+    if options.stride == 1 or options.out != RESULTS:
         write(options.out, report)
     for kind, modes in found.items():
         for mode, outcome in modes.items():

@@ -38,7 +38,6 @@ def called(monkeypatch: pytest.MonkeyPatch, script: ModuleType, *words: str) -> 
         (guards, {"compare": {}}, ["--tiny"]),
         (randomise, {"compare": {}}, ["--tiny"]),
         (throughput, {"measure": {}, "report": {"ratio_of_medians": {}}, "sleep_when_idle": None}, ["--tiny"]),
-        (crashes, {"measure": {}}, ["--stride", "5"]),
         (local_model, {"measure": {"arms": {}, "human": None}}, ["--no-train", "--env", "ant"]),
     ],
     ids=lambda value: value.__name__ if isinstance(value, ModuleType) else "",
@@ -53,6 +52,17 @@ def test_a_look_is_kept_nowhere(
     assert not out.exists()
     called(monkeypatch, script, "--out", str(out))
     assert out.exists(), "the whole measurement is"
+
+
+def test_some_points_of_crashes_are_kept_in_a_file_of_theirs_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(crashes, "measure", lambda *_: {})
+    monkeypatch.setattr(crashes, "RESULTS", tmp_path / "crashes.json")
+    called(monkeypatch, crashes, "--stride", "5")
+    assert not crashes.RESULTS.exists()
+    called(monkeypatch, crashes, "--stride", "5", "--out", str(tmp_path / "some.json"))
+    assert json.loads((tmp_path / "some.json").read_text())["stride"] == 5
+    called(monkeypatch, crashes)
+    assert json.loads(crashes.RESULTS.read_text())["stride"] == 1
 
 
 def test_a_look_at_parity_is_kept_nowhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
