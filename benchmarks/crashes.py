@@ -1,7 +1,7 @@
 """What a run loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
 
     python benchmarks/crashes.py                    # every point; writes benchmarks/results/crashes.json
-    python benchmarks/crashes.py --stride 5         # every fifth point of each mode, for a look; kept where --out says alone
+    python benchmarks/crashes.py --stride 5         # every fifth point of each mode; kept with --out alone
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
 programs, a slot that is given up, a person's remarks, final trainings, trials. So are searches that cut lanes, that
