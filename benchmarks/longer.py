@@ -45,9 +45,9 @@ def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     return row | {"confirmed": headline.look(trained, *trained.scores)}
 
 
-def left(measured: Mapping[str, Record]) -> list[str]:
+def left(measured: Mapping[str, Record], plan: Path = PLAN) -> list[str]:
     """The tasks that are not measured."""
-    return [env for env in load(PLAN).tasks if env not in measured]
+    return [env for env in load(plan).tasks if env not in measured]
 
 
 def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
@@ -74,11 +74,16 @@ def reached(measured: Mapping[str, Record]) -> str:
     return f"{above} of {len(decisive)} are at or above the human reward."
 
 
-if __name__ == "__main__":
-    parser = command_line(__doc__)
-    parser.add_argument("--env", nargs="+", choices=load(PLAN).tasks)
+def run(doc: str | None, plan: Path, archive: Path, found: Path) -> None:
+    """Measure what the command line asks for and `found` lacks."""
+    parser = command_line(doc)
+    parser.add_argument("--env", nargs="+", choices=load(plan).tasks)
     options = parser.parse_args()
-    for env in options.env or left(read(RESULTS)):
-        if env in left(read(RESULTS)):
-            keep(RESULTS, env, measure(load(PLAN), env))
+    for env in options.env or left(read(found), plan):
+        if env in left(read(found), plan):
+            keep(found, env, measure(load(plan), env, archive))
+
+
+if __name__ == "__main__":
+    run(__doc__, PLAN, ARCHIVE, RESULTS)
     print(summary(read(RESULTS)))

@@ -13,9 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import longer
-from records import FOLDER, Record, command_line, keep, read, results
-
-from openeureka.benchmark.plan import load
+from records import FOLDER, Record, read, results
 
 PLAN = FOLDER / "plans" / "mended.yaml"
 ARCHIVE = FOLDER / "mended"
@@ -28,7 +26,7 @@ TITLES = (
 
 def left(measured: Mapping[str, Record]) -> list[str]:
     """The tasks that are not measured."""
-    return [env for env in load(PLAN).tasks if env not in measured]
+    return longer.left(measured, PLAN)
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
@@ -42,10 +40,5 @@ def summary(measured: Mapping[str, Record]) -> str:
 
 
 if __name__ == "__main__":
-    parser = command_line(__doc__)
-    parser.add_argument("--env", nargs="+", choices=load(PLAN).tasks)
-    options = parser.parse_args()
-    for env in options.env or left(read(RESULTS)):
-        if env in left(read(RESULTS)):
-            keep(RESULTS, env, longer.measure(load(PLAN), env, ARCHIVE))
+    longer.run(__doc__, PLAN, ARCHIVE, RESULTS)
     print(summary(read(RESULTS)))

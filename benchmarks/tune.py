@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from importlib.metadata import version
 from pathlib import Path
 from random import Random
 
@@ -95,7 +94,7 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
         ],
         "played": [trial.played for trial in found.trials],
         "components": {name: list(pair) for name, pair in found.components.items()},
-        **conditions(options.device),
+        **machine(options.device, "cmaes"),
     }
 
 
@@ -113,7 +112,7 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
         "seeds": trained.seeds,
         "held_out": {"before": before, "after": after},
         "difference": fresh.between(before, after),
-        **conditions(options.device),
+        **machine(options.device, "cmaes"),
     }
 
 
@@ -135,12 +134,6 @@ def again(name: str, options: argparse.Namespace) -> str:
         found = confirm(name, options)
         keep(options.out, name, known | {"confirmed": found})
     return f"known with {len(found['seeds'])} seeds, {interval(*found['difference'], digits=3)}"
-
-
-def conditions(device: str) -> Record:
-    """Where, when and with what versions, that of the method which fits included."""
-    found = machine(device)
-    return {**found, "versions": {**found["versions"], "cmaes": version("cmaes")}}
 
 
 def way_back(own: Record, reference: Record) -> float | None:

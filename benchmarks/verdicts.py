@@ -19,11 +19,10 @@ from statistics import stdev, variance
 
 import headline
 from records import Record, command_line, read, results, today, write
-from scipy.special import stdtrit
 
 from openeureka import stats
 from openeureka.method import race
-from openeureka.stats import CONFIDENCE, Difference
+from openeureka.stats import Difference
 
 RESULTS = results("verdicts")
 RACES = 2500
@@ -114,9 +113,8 @@ def pooled(
     """All rewards are equally noisy, but for those without a spread."""
     noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
     among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
-    freedom = sum(len(values) - 1 for values in among)
-    spread = sum(variance(values) * (len(values) - 1) for values in among) / freedom
-    return _interval(own, other, freedom, sum(spread / len(values) for values in noisy), claims)
+    spread, freedom = stats.pooled(among)
+    return _interval(own, other, freedom, sum(spread**2 / len(values) for values in noisy), claims)
 
 
 def welch(
@@ -130,7 +128,7 @@ def welch(
 
 def _interval(own: Sequence[float], other: Sequence[float], freedom: float, error: float, claims: float) -> Difference:
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
-    half = float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * claims))) * math.sqrt(error)
+    half = stats.quantile(freedom, claims) * math.sqrt(error)
     return Difference(value=value, low=value - half, high=value + half, seeds=None)
 
 

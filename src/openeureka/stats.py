@@ -93,7 +93,7 @@ def difference(
         return None
     noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
     among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
-    (spread, freedom), (_, alone) = pooled(among), pooled(noisy)
+    (spread, freedom), alone = pooled(among), sum(len(values) - 1 for values in noisy)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
     half = max(
         quantile(freedom, claims) * spread * math.sqrt(sum(1 / len(values) for values in noisy)),
@@ -213,7 +213,7 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
     return Estimate(value=centre, low=centre - half, high=centre + half, count=count, claims=claims)
 
 
-def quantile(freedom: int, claims: float = 1) -> float:
+def quantile(freedom: float, claims: float = 1) -> float:
     """Half of a 95 % interval in standard errors (Student's t), where so many intervals are to hold together."""
     from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 
