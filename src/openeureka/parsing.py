@@ -167,7 +167,7 @@ def _expect_known(key: str, hints: Mapping[str, type]) -> None:
     if key in hints:
         return
     known = [*hints, *([_PYTHON] if "env" in hints else [])]
-    if key == known[-1]:
+    if key == _PYTHON and _PYTHON in known:
         raise ConfigError("`python=` says where the environment of `env=` is installed: name that too.")
     raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), known)} Settings: {', '.join(known)}.")
 
