@@ -200,10 +200,10 @@ def sentence(measured: Record) -> str:
     theirs = [number(ratio[f"training over stable-baselines3{arm}"], 2) for arm in BASELINES]
     ours, ant, humanoid = (number(ratio[f"training over raw stepping, {env}"], 2) for env in RAW)
     return (
-        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults, "
-        f"{theirs[1]} times as fast as with an environment a core, and {theirs[2]} times as fast as with that and our "
-        f"batch, passes and network. That is {ours} of the speed at which the simulator steps alone, with resets; for "
-        f"our Ant it is {ant}, for Humanoid {humanoid}.\n"
+        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults. "
+        f"They train {theirs[1]} times as fast as it does with an environment a core, and {theirs[2]} times as fast as "
+        f"with our batch, passes and network too. That is {ours} of the speed at which the simulator steps alone, with "
+        f"resets. For our Ant it is {ant}, for Humanoid {humanoid}.\n"
     )
 
 
