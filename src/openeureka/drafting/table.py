@@ -11,18 +11,7 @@ import keyword
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from ..tasks.anatomy import (
-    BALL,
-    FREE,
-    HINGE,
-    SLIDE,
-    along_x,
-    axis,
-    identifier,
-    name_of,
-    named,
-    scalar_joints,
-)
+from ..tasks.anatomy import BALL, FREE, HINGE, SLIDE, along_x, axis, identifier, name_of, named, scalar_joints
 from ..tasks.sensors import readings
 from ..tasks.task import Task
 from ..types import StateUse

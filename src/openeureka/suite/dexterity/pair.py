@@ -41,7 +41,4 @@ class Pair(Catch):
 
     def distances(self, s: State) -> tuple[Tensor, Tensor]:
         """Of both things from their goals (N,) [m]."""
-        return (
-            distance(s["object_pos"], s["goal_pos"]),
-            distance(s["object_another_pos"], s["goal_another_pos"]),
-        )
+        return distance(s["object_pos"], s["goal_pos"]), distance(s["object_another_pos"], s["goal_another_pos"])

@@ -37,10 +37,7 @@ class ShadowHandPen(Handles):
         table=Table(size=(0.5, 1, 0.6)),
         things={
             "object": Placed(
-                thing=CappedPen(),
-                pos=(0, 0, 0.612),
-                euler=LYING,
-                link_points={"pen_left_handle": (0, 0, 0.07)},
+                thing=CappedPen(), pos=(0, 0, 0.612), euler=LYING, link_points={"pen_left_handle": (0, 0, 0.07)}
             )
         },
         goals={"goal": Pose(pos=(0, 0, 10.6), euler=LYING)},

@@ -136,10 +136,7 @@ def _unfix(mount: mujoco.MjsBody, side: str) -> None:
             damping=[_DRAG * _MASS, 0, 0],
         )
     mount.add_joint(
-        name=f"{side}_base_turn",
-        type=mujoco.mjtJoint.mjJNT_BALL,
-        pos=_CENTRE,
-        damping=[_DRAG * _INERTIA, 0, 0],
+        name=f"{side}_base_turn", type=mujoco.mjtJoint.mjJNT_BALL, pos=_CENTRE, damping=[_DRAG * _INERTIA, 0, 0]
     )
 
 

@@ -20,7 +20,7 @@ class ShadowHandSpin(PenInHand):
     object_start = (0.0, -0.39, 0.59)  # the original starts 7 cm lower, with the pen up to 2 cm inside palm and fingers
     goal_position = (0.0, -0.39, 0.48)
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {
-        "pen_spinning": (Stage(set={"random_goals": True}), Stage()),
+        "pen_spinning": (Stage(set={"random_goals": True}), Stage())
     }
 
     @staticmethod

@@ -13,13 +13,7 @@ from ..assets import REWARDS
 from .handles import HAND_VARIABLES, Handles
 from .objects import Cup
 from .scene import Placed, Pose, Scene, Table
-from .variables import (
-    ROTATION_DISTANCE,
-    goal_variables,
-    point_variables,
-    thing_variables,
-    two_handed,
-)
+from .variables import ROTATION_DISTANCE, goal_variables, point_variables, thing_variables, two_handed
 
 TURNED = 0.785  # [rad] between cup and goal
 SHOWN_AT = 1.0  # [m] height of the goal in pictures

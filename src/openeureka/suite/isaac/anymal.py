@@ -144,13 +144,7 @@ class Anymal(Task):
     )
     # The original takes 98 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.
     recipe = Recipe(
-        hidden=(128, 64),
-        env_steps=4_000_000,
-        worlds=128,
-        horizon=24,
-        epochs=5,
-        minibatches=4,
-        bounds_coef=1e-3,
+        hidden=(128, 64), env_steps=4_000_000, worlds=128, horizon=24, epochs=5, minibatches=4, bounds_coef=1e-3
     )
 
     @staticmethod

@@ -60,9 +60,7 @@ class Quadcopter(Task):
             StateVar(name="position", shape=(3,), meaning="chassis position [m], world frame", use="point"),
             StateVar(name="target_position", shape=(3,), meaning="where to hover [m], world frame", use="point"),
             StateVar(
-                name="up_proj",
-                meaning="vertical component of the chassis' up axis, 1 when level",
-                use="directional",
+                name="up_proj", meaning="vertical component of the chassis' up axis, 1 when level", use="directional"
             ),
             StateVar(
                 name="linear_velocity", shape=(3,), meaning="linear velocity [m/s], world frame", use="zero_centred"
@@ -82,14 +80,7 @@ class Quadcopter(Task):
         )
     )
     # Batches of 16384 steps: with a quarter of that, or at the original's learning rate, F stays below -0.31.
-    recipe = Recipe(
-        hidden=(128, 128),
-        env_steps=2_500_000,
-        worlds=512,
-        horizon=32,
-        epochs=5,
-        reward_scale=0.1,
-    )
+    recipe = Recipe(hidden=(128, 128), env_steps=2_500_000, worlds=512, horizon=32, epochs=5, reward_scale=0.1)
 
     @staticmethod
     def model() -> mujoco.MjSpec:

@@ -278,9 +278,7 @@ def hand_variables(
             use="zero_centred",
         ),
         StateVar(
-            name="root_state_tensor",
-            shape=(3, 13),
-            meaning=f"hand, {held} and goal in the world frame, each {moving}",
+            name="root_state_tensor", shape=(3, 13), meaning=f"hand, {held} and goal in the world frame, each {moving}"
         ),
         StateVar(name="object_indices", kind="int", meaning=f"row of the {held} in root_state_tensor, 1"),
         StateVar(name="vel_obs_scale", kind="float", meaning="factor of joint rates in the observation"),

@@ -20,20 +20,8 @@ def compute_reward(
     block_left_handle_pos,
     goal_pos,
 ):
-    right_fingers = [
-        right_hand_ff_pos,
-        right_hand_mf_pos,
-        right_hand_rf_pos,
-        right_hand_lf_pos,
-        right_hand_th_pos,
-    ]
-    left_fingers = [
-        left_hand_ff_pos,
-        left_hand_mf_pos,
-        left_hand_rf_pos,
-        left_hand_lf_pos,
-        left_hand_th_pos,
-    ]
+    right_fingers = [right_hand_ff_pos, right_hand_mf_pos, right_hand_rf_pos, right_hand_lf_pos, right_hand_th_pos]
+    left_fingers = [left_hand_ff_pos, left_hand_mf_pos, left_hand_rf_pos, left_hand_lf_pos, left_hand_th_pos]
     right = reach(right_fingers, block_right_handle_pos)
     left = reach(left_fingers, block_left_handle_pos)
     lower = torch.linalg.vector_norm(block_right_handle_pos - (goal_pos + torch.tensor([0.0, -0.1, 0.0])), dim=-1)

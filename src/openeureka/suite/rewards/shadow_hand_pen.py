@@ -19,20 +19,8 @@ def compute_reward(
     pen_right_handle_pos,
     pen_left_handle_pos,
 ):
-    right_fingers = [
-        right_hand_ff_pos,
-        right_hand_mf_pos,
-        right_hand_rf_pos,
-        right_hand_lf_pos,
-        right_hand_th_pos,
-    ]
-    left_fingers = [
-        left_hand_ff_pos,
-        left_hand_mf_pos,
-        left_hand_rf_pos,
-        left_hand_lf_pos,
-        left_hand_th_pos,
-    ]
+    right_fingers = [right_hand_ff_pos, right_hand_mf_pos, right_hand_rf_pos, right_hand_lf_pos, right_hand_th_pos]
+    left_fingers = [left_hand_ff_pos, left_hand_mf_pos, left_hand_rf_pos, left_hand_lf_pos, left_hand_th_pos]
     right = reach(right_fingers, pen_right_handle_pos)
     left = reach(left_fingers, pen_left_handle_pos)
     apart = torch.linalg.vector_norm(pen_right_handle_pos - pen_left_handle_pos, dim=-1)

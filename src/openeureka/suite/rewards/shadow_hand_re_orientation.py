@@ -2,13 +2,7 @@ import torch
 
 
 def compute_reward(
-    object_pos,
-    goal_pos,
-    rotation_distance,
-    object_another_pos,
-    goal_another_pos,
-    rotation_distance_another,
-    actions,
+    object_pos, goal_pos, rotation_distance, object_another_pos, goal_another_pos, rotation_distance_another, actions
 ):
     first = torch.linalg.vector_norm(object_pos - goal_pos, dim=-1)
     second = torch.linalg.vector_norm(object_another_pos - goal_another_pos, dim=-1)

@@ -24,20 +24,8 @@ def compute_reward(
     scissors_right_handle_rot,
     scissors_left_handle_rot,
 ):
-    right_fingers = [
-        right_hand_ff_pos,
-        right_hand_mf_pos,
-        right_hand_rf_pos,
-        right_hand_lf_pos,
-        right_hand_th_pos,
-    ]
-    left_fingers = [
-        left_hand_ff_pos,
-        left_hand_mf_pos,
-        left_hand_rf_pos,
-        left_hand_lf_pos,
-        left_hand_th_pos,
-    ]
+    right_fingers = [right_hand_ff_pos, right_hand_mf_pos, right_hand_rf_pos, right_hand_lf_pos, right_hand_th_pos]
+    left_fingers = [left_hand_ff_pos, left_hand_mf_pos, left_hand_rf_pos, left_hand_lf_pos, left_hand_th_pos]
     right = reach(right_fingers, scissors_right_handle_pos)
     left = reach(left_fingers, scissors_left_handle_pos)
     turn = quat_mul(quat_conjugate(scissors_left_handle_rot), scissors_right_handle_rot)

@@ -20,20 +20,8 @@ def compute_reward(
     cup_left_handle_pos,
     rotation_distance,
 ):
-    right_fingers = [
-        right_hand_ff_pos,
-        right_hand_mf_pos,
-        right_hand_rf_pos,
-        right_hand_lf_pos,
-        right_hand_th_pos,
-    ]
-    left_fingers = [
-        left_hand_ff_pos,
-        left_hand_mf_pos,
-        left_hand_rf_pos,
-        left_hand_lf_pos,
-        left_hand_th_pos,
-    ]
+    right_fingers = [right_hand_ff_pos, right_hand_mf_pos, right_hand_rf_pos, right_hand_lf_pos, right_hand_th_pos]
+    left_fingers = [left_hand_ff_pos, left_hand_mf_pos, left_hand_rf_pos, left_hand_lf_pos, left_hand_th_pos]
     right = reach(right_fingers, cup_right_handle_pos)
     left = reach(left_fingers, cup_left_handle_pos)
     turned = 1.0 / (rotation_distance + 0.1) - 1.0

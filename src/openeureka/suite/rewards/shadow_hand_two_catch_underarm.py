@@ -7,12 +7,7 @@ def closeness(thing_pos, goal_pos, rotation_distance):
 
 
 def compute_reward(
-    object_pos,
-    goal_pos,
-    rotation_distance,
-    object_another_pos,
-    goal_another_pos,
-    rotation_distance_another,
+    object_pos, goal_pos, rotation_distance, object_another_pos, goal_another_pos, rotation_distance_another
 ):
     first = closeness(object_pos, goal_pos, rotation_distance)
     second = closeness(object_another_pos, goal_another_pos, rotation_distance_another)
