@@ -34,10 +34,10 @@ class Pendulum(Task):
 
     spec = StateSpec(
         (
-            StateVar(name="obs_buf", shape=(3,), meaning="cosine and sine of the angle, rate"),
-            StateVar(name="angle", meaning="angle from upright [rad], -pi to pi", use="zero_centred"),
-            StateVar(name="angular_velocity", meaning="rate of the angle [rad/s]", use="zero_centred"),
-            StateVar(name="actions", shape=(1,), meaning="last action, torque / 2 N m", use="zero_centred"),
+            StateVar("obs_buf", "cosine and sine of the angle, rate", (3,)),
+            StateVar("angle", "angle from upright [rad], -pi to pi", use="zero_centred"),
+            StateVar("angular_velocity", "rate of the angle [rad/s]", use="zero_centred"),
+            StateVar("actions", "last action, torque / 2 N m", (1,), use="zero_centred"),
         )
     )
     recipe = Recipe(hidden=(32, 32), env_steps=600_000, epochs=8, reward_scale=0.1)

@@ -169,7 +169,7 @@ def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says
         (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 of the recipe; write the sizes of its "),
         (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 of the recipe; write a whole"),
         (('use="zero_centred"', 'use="zero"'), "line 38: ValueError: the use of `angle` is 'zero'; it is one of raw, "),
-        (("shape=(1,)", "shape=1"), "line 40: ValueError: the shape of `actions` is 1; write a tuple, such as (3,)."),
+        (('m", (1,)', 'm", 1'), "line 40: ValueError: the shape of `actions` is 1; write a tuple, such as (3,)."),
     ],
 )  # fmt: skip
 def test_a_recipe_or_a_variable_that_cannot_be_is_told_with_its_line(broken, change, says):
@@ -186,7 +186,7 @@ def test_a_compiled_model_is_refused_where_a_spec_is_wanted(broken):
 
 
 def test_the_table_says_the_size_of_the_observation(broken):
-    file, _ = broken('name="obs_buf", shape=(3,)', 'name="obs_buf", shape=(4,)')
+    file, _ = broken('the angle, rate", (3,)', 'the angle, rate", (4,)')
     with pytest.raises(TaskError, match=r"lists `obs_buf` with the shape \(4,\), and num_observations=3 says \(3,\)"):
         try_out(file)
 

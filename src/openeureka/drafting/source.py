@@ -27,8 +27,7 @@ def declared(name: str, meaning: str, shape: tuple[int, ...], use: str) -> str:
         shape: of one world's value; () for a number.
         use: as in `types.StateVar`.
     """
-    words = [f'name="{name}"', f"meaning={meaning}"]
-    words[1:1] = [f"shape={shape}"] if shape else []
+    words = [f'"{name}"', meaning, *([f"{shape}"] if shape else [])]
     words += [f'use="{use}"'] if use != "raw" else []
     line = f"StateVar({', '.join(words)}),"
     if len(line) <= _ROOM:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Literal, get_args
 
 StateKind = Literal["world", "constant", "float", "int", "num_envs"]
 StateUse = Literal["raw", "zero_centred", "directional", "point"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class StateVar:
     """One variable a reward may name as an argument."""
 
@@ -18,6 +18,7 @@ class StateVar:
     """What it is, with unit and frame, as the language model reads it."""
     shape: tuple[int, ...] = ()
     """Shape without the world axis: () for a per-world scalar (N,), (3,) for (N, 3)."""
+    _: KW_ONLY
     kind: StateKind = "world"
     """`world`: float32 tensor (N, *shape); `constant`: tensor `shape`, the same for all worlds, float32 (int64 where it
     holds indices); `float`, `int`: a Python number; `num_envs`: the number of worlds, a Python int."""

@@ -179,7 +179,7 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
         if name not in hidden and name not in taken and not documents.betrays(name):
             meaning = f"{name.replace('_', ' ')}, as `info` has it"
             called = documents.identifiers([name])[0] if hasattr(builtins, name) else name
-            made.append((StateVar(name=called, shape=shape, meaning=meaning, use=documents.use_of(name)), name))
+            made.append((StateVar(called, meaning, shape, use=documents.use_of(name)), name))
     return tuple(made)
 
 
@@ -194,7 +194,7 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
         if not named and single.size <= MAX_COLUMNS:
             named = [(f"observation_{i}", meaning) for i, meaning in enumerate(single.columns)]
         columns = [
-            (StateVar(name=name, meaning=meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
+            (StateVar(name, meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
             for i, (name, meaning) in enumerate(named)
         ]
         return [*columns, *_sections(found.sections, len(columns))]
@@ -206,7 +206,7 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
         kind = type(part.space).__name__
         meaning = f"`{'.'.join(map(str, part.path))}` of the observation, a {kind}"
         meaning += ": a one for its value, and zeros" if kind in ("Discrete", "MultiDiscrete") else ""
-        made.append((StateVar(name=name, shape=part.shape, meaning=meaning, use=use), slice(start, start + part.size)))
+        made.append((StateVar(name, meaning, part.shape, use=use), slice(start, start + part.size)))
         start += part.size
     return made
 
@@ -217,7 +217,7 @@ def _sections(sections: Mapping[str, int], start: int) -> Iterator[tuple[StateVa
     for name, size in sections.items():
         begin, end = end, end + size
         if begin >= start and size:
-            yield StateVar(name=name, shape=(size,), meaning=f"`{name}` of the observation"), slice(begin, end)
+            yield StateVar(name, f"`{name}` of the observation", (size,)), slice(begin, end)
 
 
 def action_meaning(found: Survey) -> str:

@@ -203,9 +203,9 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
     step_fitness, named = _step_fitness(found, fitness) if fitness else (None, frozenset[str]())
     listed = variables(found, named)
     whole = [
-        StateVar(name="obs_buf", shape=(found.size,), meaning="the whole observation"),
-        StateVar(name="previous_obs_buf", shape=(found.size,), meaning="the observation before the last step"),
-        StateVar(name="actions", shape=(found.actions.size,), meaning=action_meaning(found)),
+        StateVar("obs_buf", "the whole observation", (found.size,)),
+        StateVar("previous_obs_buf", "the observation before the last step", (found.size,)),
+        StateVar("actions", action_meaning(found), (found.actions.size,)),
     ]
     succeeds = named in SUCCESS
     # A prompt has it: the expression would betray F.

@@ -61,12 +61,12 @@ class ShadowHandBottleCap(TwoHands):
         *FINGERTIPS,
         *PALMS,
         *RIGHT_FINGERS,
-        StateVar(name="bottle_pos", shape=(3,), meaning=f"middle of the bottle: {_POSITION}", use="point"),
-        StateVar(name="bottle_cap_pos", shape=(3,), meaning=f"mouth of the bottle: {_POSITION}", use="point"),
+        StateVar("bottle_pos", f"middle of the bottle: {_POSITION}", (3,), use="point"),
+        StateVar("bottle_cap_pos", f"mouth of the bottle: {_POSITION}", (3,), use="point"),
         StateVar(
-            name="bottle_cap_up",
-            shape=(3,),
-            meaning=f"point that moves with the cap, near bottle_pos while the bottle is closed: {_POSITION}",
+            "bottle_cap_up",
+            f"point that moves with the cap, near bottle_pos while the bottle is closed: {_POSITION}",
+            (3,),
             use="point",
         ),
     )

@@ -51,9 +51,9 @@ class ShadowHandLiftUnderarm(TwoHands):
         *PALMS,
         *(
             StateVar(
-                name=f"pot_{side}_handle_pos",
-                shape=(3,),
-                meaning=f"handle of the pot for the {side} hand: position [m], world frame",
+                f"pot_{side}_handle_pos",
+                f"handle of the pot for the {side} hand: position [m], world frame",
+                (3,),
                 use="point",
             )
             for side in SIDES

@@ -22,8 +22,8 @@ def pair_variables(thing: str, goal: str) -> tuple[StateVar, ...]:
         *thing_variables("object_another", f"{thing} that starts at the left hand"),
         *goal_variables(f"{goal} of object_another", "goal_another"),
         StateVar(
-            name="rotation_distance_another",
-            meaning="angle between the orientations of object_another and goal_another [rad], 0 to pi",
+            "rotation_distance_another",
+            "angle between the orientations of object_another and goal_another [rad], 0 to pi",
             use="zero_centred",
         ),
     )

@@ -16,32 +16,31 @@ _FINGER_NAMES = ("first finger", "middle finger", "ring finger", "little finger"
 def point_variables(name: str, meaning: str, *, use: StateUse = "point") -> tuple[StateVar, StateVar]:
     """Position and orientation of a point of interest."""
     return (
-        StateVar(name=f"{name}_pos", shape=(3,), meaning=f"{meaning}: position [m], world frame", use=use),
-        StateVar(name=f"{name}_rot", shape=(4,), meaning=f"{meaning}: orientation, quaternion x y z w"),
+        StateVar(f"{name}_pos", f"{meaning}: position [m], world frame", (3,), use=use),
+        StateVar(f"{name}_rot", f"{meaning}: orientation, quaternion x y z w", (4,)),
     )
 
 
 def thing_variables(name: str, meaning: str) -> tuple[StateVar, ...]:
     """Pose and velocities of a thing."""
-    rate = {"shape": (3,), "use": "zero_centred"}
     return (
-        StateVar(name=f"{name}_pose", shape=(7,), meaning=f"{meaning}: {_POSE}, world frame"),
+        StateVar(f"{name}_pose", f"{meaning}: {_POSE}, world frame", (7,)),
         *point_variables(name, meaning),
-        StateVar(name=f"{name}_linvel", meaning=f"{meaning}: linear velocity [m/s], world frame", **rate),
-        StateVar(name=f"{name}_angvel", meaning=f"{meaning}: angular velocity [rad/s], world frame", **rate),
+        StateVar(f"{name}_linvel", f"{meaning}: linear velocity [m/s], world frame", (3,), use="zero_centred"),
+        StateVar(f"{name}_angvel", f"{meaning}: angular velocity [rad/s], world frame", (3,), use="zero_centred"),
     )
 
 
 def goal_variables(meaning: str, name: str = "goal", *, use: StateUse = "point") -> tuple[StateVar, ...]:
     """Pose of a goal; `use` is `raw` where its position means nothing."""
     return (
-        StateVar(name=f"{name}_pose", shape=(7,), meaning=f"{meaning}: {_POSE}, world frame"),
+        StateVar(f"{name}_pose", f"{meaning}: {_POSE}, world frame", (7,)),
         *point_variables(name, meaning, use=use),
     )
 
 
 FINGERTIPS = tuple(
-    StateVar(name=f"{name}_{part}", shape=shape, meaning=f"last joints of the {side} hand's fingers: {meaning}")
+    StateVar(f"{name}_{part}", f"last joints of the {side} hand's fingers: {meaning}", shape)
     for side, name in zip(SIDES, ("fingertip", "fingertip_another"), strict=True)
     for part, shape, meaning in (("state", (5, 13), _MOVING), ("pos", (5, 3), "position [m]"))
 )
@@ -60,9 +59,7 @@ BASES = tuple(
     for variable in point_variables(f"{side}_base", f"lower end of the {side} forearm", use="raw")
 )
 ROTATION_DISTANCE = StateVar(
-    name="rotation_distance",
-    meaning="angle between the orientations of object and goal [rad], 0 to pi",
-    use="zero_centred",
+    "rotation_distance", "angle between the orientations of object and goal [rad], 0 to pi", use="zero_centred"
 )
 
 
@@ -74,33 +71,23 @@ def raw_variables(scene: Scene, things: Collection[str]) -> tuple[StateVar, ...]
     goals = ("goal", *(name for name in scene.goals if name.startswith("goal_")))
     return (
         StateVar(
-            name="rigid_body_states",
-            shape=(bodies, 13),
-            meaning=f"bodies, each {_MOVING}: {HAND_BODIES} of the right hand, {HAND_BODIES} of the left, {parts}",
+            "rigid_body_states",
+            f"bodies, each {_MOVING}: {HAND_BODIES} of the right hand, {HAND_BODIES} of the left, {parts}",
+            (bodies, 13),
         ),
         *(
             StateVar(
-                name=f"{name}_handles",
-                shape=(5,),
-                kind="constant",
-                meaning=f"rows of {name}_state in rigid_body_states, as integers",
+                f"{name}_handles", f"rows of {name}_state in rigid_body_states, as integers", (5,), kind="constant"
             )
             for name in ("fingertip", "fingertip_another")
         ),
-        StateVar(
-            name="root_state_tensor",
-            shape=(2 + len(scene.things), 13),
-            meaning=f"right hand, left hand, {names}, each {_MOVING}",
-        ),
+        StateVar("root_state_tensor", f"right hand, left hand, {names}, each {_MOVING}", (2 + len(scene.things), 13)),
         *(
-            StateVar(name=f"{name}_indices", kind="int", meaning=f"row of {name} in root_state_tensor, {row}")
+            StateVar(f"{name}_indices", f"row of {name} in root_state_tensor, {row}", kind="int")
             for row, name in enumerate(scene.things, start=2)
             if name in things
         ),
-        *(
-            StateVar(name=f"{name}_states", shape=(13,), meaning=f"{_POSE}, then zeros, as the original has {name}")
-            for name in goals
-        ),
+        *(StateVar(f"{name}_states", f"{_POSE}, then zeros, as the original has {name}", (13,)) for name in goals),
     )
 
 
@@ -113,26 +100,23 @@ def two_handed(scene: Scene, observations: int, *groups: StateVar) -> StateSpec:
     actions = 52 if scene.hands_move else 40
     return StateSpec(
         (
-            StateVar(name="obs_buf", shape=(observations,), meaning="observation of the policy"),
+            StateVar("obs_buf", "observation of the policy", (observations,)),
             *groups,
             *(BASES if scene.hands_move else ()),
-            StateVar(name="dof_pos", shape=(48,), meaning=f"angles of {joints} [rad]"),
-            StateVar(name="dof_vel", shape=(48,), meaning=f"rates of {joints} [rad/s]", use="zero_centred"),
-            StateVar(name="dof_lower_limits", shape=(48,), kind="constant", meaning="lower joint limits [rad]"),
-            StateVar(name="dof_upper_limits", shape=(48,), kind="constant", meaning="upper joint limits [rad]"),
-            StateVar(name="dof_force_tensor", shape=(48,), meaning=f"torques of the drives of {joints} [N m]"),
+            StateVar("dof_pos", f"angles of {joints} [rad]", (48,)),
+            StateVar("dof_vel", f"rates of {joints} [rad/s]", (48,), use="zero_centred"),
+            StateVar("dof_lower_limits", "lower joint limits [rad]", (48,), kind="constant"),
+            StateVar("dof_upper_limits", "upper joint limits [rad]", (48,), kind="constant"),
+            StateVar("dof_force_tensor", f"torques of the drives of {joints} [N m]", (48,)),
             StateVar(
-                name="vec_sensor_tensor",
-                shape=(60,),
-                meaning="contact force [N] and torque [N m] on each of the ten fingertips, in the tip's frame",
+                "vec_sensor_tensor",
+                "contact force [N] and torque [N m] on each of the ten fingertips, in the tip's frame",
+                (60,),
             ),
             StateVar(
-                name="actions",
-                shape=(actions,),
-                meaning=f"last action, of the right, then of the left hand: {inputs}",
-                use="zero_centred",
+                "actions", f"last action, of the right, then of the left hand: {inputs}", (actions,), use="zero_centred"
             ),
             *raw_variables(scene, {group.name.removesuffix("_pose") for group in groups}),
-            StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
+            StateVar("num_envs", "number of environments", kind="num_envs"),
         )
     )

@@ -52,7 +52,7 @@ class Ant(Runner):
 
     spec = StateSpec(
         (
-            StateVar(name="obs_buf", shape=(60,), meaning="observation of the policy, before clipping"),
+            StateVar("obs_buf", "observation of the policy, before clipping", (60,)),
             *running_variables(
                 joints="hip and ankle of the front left, back left, back right and front right leg (not as the source "
                 "names the feet)",
@@ -61,7 +61,7 @@ class Ant(Runner):
                 torque="torque / 15 N m",
                 standing="about 0.5 when walking",
             ),
-            StateVar(name="up_axis_idx", kind="int", meaning="index of the vertical axis, 2"),
+            StateVar("up_axis_idx", "index of the vertical axis, 2", kind="int"),
         )
     )
     # The original takes 32.8 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps, and

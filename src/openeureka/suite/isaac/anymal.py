@@ -58,71 +58,54 @@ class Anymal(Task):
 
     spec = StateSpec(
         (
-            StateVar(name="obs_buf", shape=(48,), meaning="observation of the policy, before clipping"),
+            StateVar("obs_buf", "observation of the policy, before clipping", (48,)),
             StateVar(
-                name="root_states",
-                shape=(13,),
-                meaning="base in the world frame: position [m], quaternion x y z w, linear velocity [m/s], angular "
+                "root_states",
+                "base in the world frame: position [m], quaternion x y z w, linear velocity [m/s], angular "
                 "velocity [rad/s]",
+                (13,),
             ),
+            StateVar("commands", "target velocities in the base frame: forward and left [m/s], yaw rate [rad/s]", (3,)),
             StateVar(
-                name="commands",
-                shape=(3,),
-                meaning="target velocities in the base frame: forward and left [m/s], yaw rate [rad/s]",
-            ),
-            StateVar(
-                name="dof_pos",
-                shape=(12,),
-                meaning="joint angles [rad]: hip abduction, hip flexion, knee of the left front, left hind, right "
+                "dof_pos",
+                "joint angles [rad]: hip abduction, hip flexion, knee of the left front, left hind, right "
                 "front, right hind leg",
+                (12,),
             ),
-            StateVar(name="dof_vel", shape=(12,), meaning="joint rates [rad/s]", use="zero_centred"),
-            StateVar(name="default_dof_pos", shape=(12,), meaning="joint angles of the standing pose [rad]"),
-            StateVar(name="gravity_vec", shape=(3,), meaning="direction of gravity (0, 0, -1), world frame"),
+            StateVar("dof_vel", "joint rates [rad/s]", (12,), use="zero_centred"),
+            StateVar("default_dof_pos", "joint angles of the standing pose [rad]", (12,)),
+            StateVar("gravity_vec", "direction of gravity (0, 0, -1), world frame", (3,)),
+            StateVar("actions", "last action, (target angle - default angle) / 0.5 rad", (12,), use="zero_centred"),
+            StateVar("lin_vel_scale", "factor of linear velocities in the observation", kind="float"),
+            StateVar("ang_vel_scale", "factor of angular velocities in the observation", kind="float"),
+            StateVar("dof_pos_scale", "factor of joint angles in the observation", kind="float"),
+            StateVar("dof_vel_scale", "factor of joint rates in the observation", kind="float"),
+            StateVar("torques", "joint torques [N m], at most 80", (12,), use="zero_centred"),
             StateVar(
-                name="actions",
-                shape=(12,),
-                meaning="last action, (target angle - default angle) / 0.5 rad",
-                use="zero_centred",
-            ),
-            StateVar(name="lin_vel_scale", kind="float", meaning="factor of linear velocities in the observation"),
-            StateVar(name="ang_vel_scale", kind="float", meaning="factor of angular velocities in the observation"),
-            StateVar(name="dof_pos_scale", kind="float", meaning="factor of joint angles in the observation"),
-            StateVar(name="dof_vel_scale", kind="float", meaning="factor of joint rates in the observation"),
-            StateVar(name="torques", shape=(12,), meaning="joint torques [N m], at most 80", use="zero_centred"),
-            StateVar(
-                name="contact_forces",
-                shape=(13, 3),
-                meaning="net contact force [N], world frame, on the base, then hip, thigh, shank (with foot) of each "
+                "contact_forces",
+                "net contact force [N], world frame, on the base, then hip, thigh, shank (with foot) of each "
                 "leg in joint order",
+                (13, 3),
             ),
             StateVar(
-                name="base_linear_velocity",
-                shape=(3,),
-                meaning="base velocity [m/s] in the base frame: forward, left, up",
+                "base_linear_velocity",
+                "base velocity [m/s] in the base frame: forward, left, up",
+                (3,),
                 use="directional",
             ),
             StateVar(
-                name="base_angular_velocity",
-                shape=(3,),
-                meaning="base angular velocity [rad/s] in the base frame: roll, pitch, yaw",
+                "base_angular_velocity",
+                "base angular velocity [rad/s] in the base frame: roll, pitch, yaw",
+                (3,),
                 use="zero_centred",
             ),
             StateVar(
-                name="velocity_error",
-                shape=(2,),
-                meaning="forward and left target velocity minus base velocity [m/s]",
-                use="zero_centred",
+                "velocity_error", "forward and left target velocity minus base velocity [m/s]", (2,), use="zero_centred"
             ),
-            StateVar(name="yaw_rate_error", meaning="target minus actual yaw rate [rad/s]", use="zero_centred"),
-            StateVar(name="base_height", meaning="base height [m], about 0.5 when walking", use="directional"),
-            StateVar(name="up_proj", meaning="1 when upright, 0 on the side, -1 upside down", use="directional"),
-            StateVar(
-                name="joint_offsets",
-                shape=(12,),
-                meaning="joint angles minus those of the standing pose [rad]",
-                use="zero_centred",
-            ),
+            StateVar("yaw_rate_error", "target minus actual yaw rate [rad/s]", use="zero_centred"),
+            StateVar("base_height", "base height [m], about 0.5 when walking", use="directional"),
+            StateVar("up_proj", "1 when upright, 0 on the side, -1 upside down", use="directional"),
+            StateVar("joint_offsets", "joint angles minus those of the standing pose [rad]", (12,), use="zero_centred"),
         )
     )
     unmeasured = (("base_linear_velocity", range(0, 3)),)

@@ -60,55 +60,43 @@ class BallBalance(Task):
     spec = StateSpec(
         (
             StateVar(
-                name="obs_buf",
-                shape=(24,),
-                meaning="knee angles, knee rates, ball position, ball velocity, then of all 3 rim points sensor_forces "
+                "obs_buf",
+                "knee angles, knee rates, ball position, ball velocity, then of all 3 rim points sensor_forces "
                 "x / 20, sensor_torques x / 20, y / 20, z / 20",
+                (24,),
             ),
-            StateVar(name="ball_positions", shape=(3,), meaning="ball centre x, y, z [m], world frame"),
-            StateVar(name="ball_linvels", shape=(3,), meaning="ball velocity x, y, z [m/s], world frame"),
-            StateVar(name="dof_positions", shape=(6,), meaning="angles of hip 0, knee 0, ..., hip 2, knee 2 [rad]"),
-            StateVar(name="dof_velocities", shape=(6,), meaning="rates of hip 0, knee 0, ..., hip 2, knee 2 [rad/s]"),
+            StateVar("ball_positions", "ball centre x, y, z [m], world frame", (3,)),
+            StateVar("ball_linvels", "ball velocity x, y, z [m/s], world frame", (3,)),
+            StateVar("dof_positions", "angles of hip 0, knee 0, ..., hip 2, knee 2 [rad]", (6,)),
+            StateVar("dof_velocities", "rates of hip 0, knee 0, ..., hip 2, knee 2 [rad/s]", (6,)),
             StateVar(
-                name="sensor_forces",
-                shape=(3, 3),
-                meaning="force of the ball on the tray [N], tray frame, the same at each of 3 rim points",
+                "sensor_forces",
+                "force of the ball on the tray [N], tray frame, the same at each of 3 rim points",
+                (3, 3),
             ),
             StateVar(
-                name="sensor_torques",
-                shape=(3, 3),
-                meaning="torque of the ball on the tray about each of 3 rim points [N m], tray frame",
+                "sensor_torques", "torque of the ball on the tray about each of 3 rim points [N m], tray frame", (3, 3)
             ),
-            StateVar(name="ball_position", shape=(3,), meaning="ball centre [m], world frame", use="point"),
+            StateVar("ball_position", "ball centre [m], world frame", (3,), use="point"),
             StateVar(
-                name="rest_position",
-                shape=(3,),
-                meaning="ball centre when it lies still in the middle of the level table [m]",
+                "rest_position",
+                "ball centre when it lies still in the middle of the level table [m]",
+                (3,),
                 use="point",
             ),
-            StateVar(name="ball_velocity", shape=(3,), meaning="ball velocity [m/s]", use="zero_centred"),
+            StateVar("ball_velocity", "ball velocity [m/s]", (3,), use="zero_centred"),
             StateVar(
-                name="ball_offset",
-                shape=(2,),
-                meaning="horizontal offset of the ball from the middle of the table [m]",
+                "ball_offset",
+                "horizontal offset of the ball from the middle of the table [m]",
+                (2,),
                 use="zero_centred",
             ),
-            StateVar(name="ball_height", meaning="height of the ball centre above the ground [m]", use="directional"),
-            StateVar(
-                name="table_angles",
-                shape=(2,),
-                meaning="tilt of the table about the x and the y axis [rad]",
-                use="zero_centred",
-            ),
-            StateVar(name="table_tilt", meaning="angle of the table from level [rad]", use="zero_centred"),
-            StateVar(name="knee_velocities", shape=(3,), meaning="knee rates [rad/s]", use="zero_centred"),
-            StateVar(
-                name="actions",
-                shape=(3,),
-                meaning="last action, speed of the knee targets / 20 rad/s",
-                use="zero_centred",
-            ),
-            StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
+            StateVar("ball_height", "height of the ball centre above the ground [m]", use="directional"),
+            StateVar("table_angles", "tilt of the table about the x and the y axis [rad]", (2,), use="zero_centred"),
+            StateVar("table_tilt", "angle of the table from level [rad]", use="zero_centred"),
+            StateVar("knee_velocities", "knee rates [rad/s]", (3,), use="zero_centred"),
+            StateVar("actions", "last action, speed of the knee targets / 20 rad/s", (3,), use="zero_centred"),
+            StateVar("num_envs", "number of environments", kind="num_envs"),
         )
     )
     recipe = Recipe(

@@ -38,15 +38,15 @@ class Cartpole(Task):
 
     spec = StateSpec(
         (
-            StateVar(name="obs_buf", shape=(4,), meaning="cart position, cart velocity, pole angle, pole rate"),
-            StateVar(name="dof_pos", shape=(2,), meaning="cart position [m], pole angle [rad]"),
-            StateVar(name="dof_vel", shape=(2,), meaning="cart velocity [m/s], pole rate [rad/s]"),
-            StateVar(name="cart_position", meaning="cart position [m], 0 is the middle", use="zero_centred"),
-            StateVar(name="cart_velocity", meaning="cart velocity [m/s]", use="zero_centred"),
-            StateVar(name="pole_angle", meaning="pole angle from upright [rad]", use="zero_centred"),
-            StateVar(name="pole_velocity", meaning="pole rate [rad/s]", use="zero_centred"),
-            StateVar(name="actions", shape=(1,), meaning="last action, force / 400 N", use="zero_centred"),
-            StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
+            StateVar("obs_buf", "cart position, cart velocity, pole angle, pole rate", (4,)),
+            StateVar("dof_pos", "cart position [m], pole angle [rad]", (2,)),
+            StateVar("dof_vel", "cart velocity [m/s], pole rate [rad/s]", (2,)),
+            StateVar("cart_position", "cart position [m], 0 is the middle", use="zero_centred"),
+            StateVar("cart_velocity", "cart velocity [m/s]", use="zero_centred"),
+            StateVar("pole_angle", "pole angle from upright [rad]", use="zero_centred"),
+            StateVar("pole_velocity", "pole rate [rad/s]", use="zero_centred"),
+            StateVar("actions", "last action, force / 400 N", (1,), use="zero_centred"),
+            StateVar("num_envs", "number of environments", kind="num_envs"),
         )
     )
     view = View(azimuth=180.0, elevation=-10.0)

@@ -159,7 +159,7 @@ class Humanoid(Runner):
 
     spec = StateSpec(
         (
-            StateVar(name="obs_buf", shape=(108,), meaning="observation of the policy, before clipping"),
+            StateVar("obs_buf", "observation of the policy, before clipping", (108,)),
             *running_variables(
                 joints="abdomen z y x; right hip x z y, knee, ankle y x; the same left; right shoulder 1 2, elbow; "
                 "the same left",
@@ -168,10 +168,8 @@ class Humanoid(Runner):
                 torque="torque / maximum torque of the joint",
                 standing="about 1.3 when standing",
             ),
-            StateVar(name="dof_force_tensor", shape=(21,), meaning="joint torques of motors, springs, dampers [N m]"),
-            StateVar(
-                name="angular_velocity_scale", kind="float", meaning="factor of angular velocity in the observation"
-            ),
+            StateVar("dof_force_tensor", "joint torques of motors, springs, dampers [N m]", (21,)),
+            StateVar("angular_velocity_scale", "factor of angular velocity in the observation", kind="float"),
         )
     )
     # The original takes 131 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.

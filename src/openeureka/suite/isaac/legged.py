@@ -124,53 +124,40 @@ def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standin
     """The state variables of a Runner; words for what differs between robots."""
     return (
         StateVar(
-            name="root_states",
-            shape=(13,),
-            meaning="torso in the world frame: position [m], quaternion x y z w, linear velocity [m/s], angular "
+            "root_states",
+            "torso in the world frame: position [m], quaternion x y z w, linear velocity [m/s], angular "
             "velocity [rad/s]; column 7 is the forward speed",
+            (13,),
         ),
-        StateVar(name="targets", shape=(3,), meaning="target position [m], 1000 m ahead along x"),
-        StateVar(name="potentials", meaning="-(horizontal distance to the target) / dt; grows by the speed"),
-        StateVar(name="prev_potentials", meaning="potentials one step ago; the difference is the forward speed [m/s]"),
-        StateVar(name="up_vec", shape=(3,), meaning="up axis of the torso in the world frame"),
-        StateVar(name="heading_vec", shape=(3,), meaning="forward axis of the torso in the world frame"),
-        StateVar(name="dof_pos", shape=(dofs,), meaning=f"joint angles [rad]: {joints}"),
-        StateVar(name="dof_vel", shape=(dofs,), meaning="joint rates [rad/s]", use="zero_centred"),
-        StateVar(name="dof_limits_lower", shape=(dofs,), kind="constant", meaning="lower joint limits [rad]"),
-        StateVar(name="dof_limits_upper", shape=(dofs,), kind="constant", meaning="upper joint limits [rad]"),
+        StateVar("targets", "target position [m], 1000 m ahead along x", (3,)),
+        StateVar("potentials", "-(horizontal distance to the target) / dt; grows by the speed"),
+        StateVar("prev_potentials", "potentials one step ago; the difference is the forward speed [m/s]"),
+        StateVar("up_vec", "up axis of the torso in the world frame", (3,)),
+        StateVar("heading_vec", "forward axis of the torso in the world frame", (3,)),
+        StateVar("dof_pos", f"joint angles [rad]: {joints}", (dofs,)),
+        StateVar("dof_vel", "joint rates [rad/s]", (dofs,), use="zero_centred"),
+        StateVar("dof_limits_lower", "lower joint limits [rad]", (dofs,), kind="constant"),
+        StateVar("dof_limits_upper", "upper joint limits [rad]", (dofs,), kind="constant"),
         StateVar(
-            name="vec_sensor_tensor",
-            shape=(6 * feet,),
-            meaning="contact force [N] and torque [N m] on each foot, in the foot's frame",
+            "vec_sensor_tensor", "contact force [N] and torque [N m] on each foot, in the foot's frame", (6 * feet,)
         ),
-        StateVar(name="actions", shape=(dofs,), meaning=f"last action, {torque}", use="zero_centred"),
-        StateVar(name="inv_start_rot", shape=(4,), meaning="inverse of the start orientation, x y z w"),
-        StateVar(name="basis_vec0", shape=(3,), meaning="forward axis (1, 0, 0)"),
-        StateVar(name="basis_vec1", shape=(3,), meaning="up axis (0, 0, 1)"),
-        StateVar(name="dt", kind="float", meaning="time between two actions [s]"),
-        StateVar(name="dof_vel_scale", kind="float", meaning="factor of joint rates in the observation"),
-        StateVar(name="contact_force_scale", kind="float", meaning="factor of foot wrenches in the observation"),
+        StateVar("actions", f"last action, {torque}", (dofs,), use="zero_centred"),
+        StateVar("inv_start_rot", "inverse of the start orientation, x y z w", (4,)),
+        StateVar("basis_vec0", "forward axis (1, 0, 0)", (3,)),
+        StateVar("basis_vec1", "up axis (0, 0, 1)", (3,)),
+        StateVar("dt", "time between two actions [s]", kind="float"),
+        StateVar("dof_vel_scale", "factor of joint rates in the observation", kind="float"),
+        StateVar("contact_force_scale", "factor of foot wrenches in the observation", kind="float"),
         StateVar(
-            name="torso_velocity",
-            shape=(3,),
-            meaning="torso velocity [m/s] in the world frame: forward, left, up",
-            use="directional",
+            "torso_velocity", "torso velocity [m/s] in the world frame: forward, left, up", (3,), use="directional"
         ),
         StateVar(
-            name="torso_angular_velocity",
-            shape=(3,),
-            meaning="torso angular velocity [rad/s] in the torso frame",
-            use="zero_centred",
+            "torso_angular_velocity", "torso angular velocity [rad/s] in the torso frame", (3,), use="zero_centred"
         ),
-        StateVar(name="torso_height", meaning=f"torso height [m], {standing}", use="directional"),
-        StateVar(name="up_proj", meaning="1 when upright, 0 on the side, -1 upside down", use="directional"),
-        StateVar(name="heading_proj", meaning="1 when facing the target, -1 when facing away", use="directional"),
-        StateVar(
-            name="dof_pos_scaled",
-            shape=(dofs,),
-            meaning="joint angles in their range, -1 and 1 at the limits",
-            use="zero_centred",
-        ),
+        StateVar("torso_height", f"torso height [m], {standing}", use="directional"),
+        StateVar("up_proj", "1 when upright, 0 on the side, -1 upside down", use="directional"),
+        StateVar("heading_proj", "1 when facing the target, -1 when facing away", use="directional"),
+        StateVar("dof_pos_scaled", "joint angles in their range, -1 and 1 at the limits", (dofs,), use="zero_centred"),
     )
 
 

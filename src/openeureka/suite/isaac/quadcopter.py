@@ -48,35 +48,29 @@ class Quadcopter(Task):
     spec = StateSpec(
         (
             StateVar(
-                name="obs_buf",
-                shape=(21,),
-                meaning="(target - position) / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
+                "obs_buf",
+                "(target - position) / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
+                (21,),
             ),
-            StateVar(name="root_positions", shape=(3,), meaning="chassis position x, y, z [m], world frame"),
-            StateVar(name="root_quats", shape=(4,), meaning="chassis orientation, quaternion x, y, z, w"),
-            StateVar(name="root_linvels", shape=(3,), meaning="chassis linear velocity [m/s], world frame"),
-            StateVar(name="root_angvels", shape=(3,), meaning="chassis angular velocity [rad/s], world frame"),
-            StateVar(name="dof_positions", shape=(8,), meaning="rotor angles pitch 0, roll 0, ..., roll 3 [rad]"),
-            StateVar(name="position", shape=(3,), meaning="chassis position [m], world frame", use="point"),
-            StateVar(name="target_position", shape=(3,), meaning="where to hover [m], world frame", use="point"),
+            StateVar("root_positions", "chassis position x, y, z [m], world frame", (3,)),
+            StateVar("root_quats", "chassis orientation, quaternion x, y, z, w", (4,)),
+            StateVar("root_linvels", "chassis linear velocity [m/s], world frame", (3,)),
+            StateVar("root_angvels", "chassis angular velocity [rad/s], world frame", (3,)),
+            StateVar("dof_positions", "rotor angles pitch 0, roll 0, ..., roll 3 [rad]", (8,)),
+            StateVar("position", "chassis position [m], world frame", (3,), use="point"),
+            StateVar("target_position", "where to hover [m], world frame", (3,), use="point"),
+            StateVar("up_proj", "vertical component of the chassis' up axis, 1 when level", use="directional"),
+            StateVar("linear_velocity", "linear velocity [m/s], world frame", (3,), use="zero_centred"),
+            StateVar("angular_velocity", "angular velocity [rad/s], world frame", (3,), use="zero_centred"),
+            StateVar("yaw_rate", "rotation about the vertical [rad/s]", use="zero_centred"),
+            StateVar("rotor_angles", "tilt of the rotors [rad]", (8,), use="zero_centred"),
             StateVar(
-                name="up_proj", meaning="vertical component of the chassis' up axis, 1 when level", use="directional"
-            ),
-            StateVar(
-                name="linear_velocity", shape=(3,), meaning="linear velocity [m/s], world frame", use="zero_centred"
-            ),
-            StateVar(
-                name="angular_velocity", shape=(3,), meaning="angular velocity [rad/s], world frame", use="zero_centred"
-            ),
-            StateVar(name="yaw_rate", meaning="rotation about the vertical [rad/s]", use="zero_centred"),
-            StateVar(name="rotor_angles", shape=(8,), meaning="tilt of the rotors [rad]", use="zero_centred"),
-            StateVar(
-                name="actions",
-                shape=(12,),
-                meaning="last action, 8 speeds of the rotor tilts and 4 rates of thrust, each in [-1, 1]",
+                "actions",
+                "last action, 8 speeds of the rotor tilts and 4 rates of thrust, each in [-1, 1]",
+                (12,),
                 use="zero_centred",
             ),
-            StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
+            StateVar("num_envs", "number of environments", kind="num_envs"),
         )
     )
     # Batches of 16384 steps: with a quarter of that, or at the original's learning rate, F stays below -0.31.

@@ -232,63 +232,36 @@ def hand_variables(
     pose = "position [m], quaternion x y z w"
     moving = f"{pose}, linear velocity [m/s], angular velocity [rad/s]"
     return (
-        StateVar(name="obs_buf", shape=(observations,), meaning="observation of the policy, before clipping"),
-        StateVar(name="states_buf", shape=(observations,), meaning="unused, zeros"),
-        StateVar(name="object_pose", shape=(7,), meaning=f"{held}: {pose}, world frame"),
+        StateVar("obs_buf", "observation of the policy, before clipping", (observations,)),
+        StateVar("states_buf", "unused, zeros", (observations,)),
+        StateVar("object_pose", f"{held}: {pose}, world frame", (7,)),
+        StateVar("object_pos", f"position of the {held}'s centre [m], world frame", (3,), use="point"),
+        StateVar("object_rot", f"orientation of the {held}, quaternion x y z w", (4,)),
+        StateVar("object_linvel", f"linear velocity of the {held} [m/s], world frame", (3,), use="zero_centred"),
+        StateVar("object_angvel", f"angular velocity of the {held} [rad/s], world frame", (3,), use="zero_centred"),
+        StateVar("goal_pose", f"goal of the {held}: {pose}, world frame", (7,)),
+        StateVar("goal_pos", f"where the {held} should stay, in the palm [m], world frame", (3,), use="point"),
+        StateVar("goal_rot", f"orientation the {held} should turn to, quaternion x y z w", (4,)),
+        StateVar("goal_states", "goal pose, then zeros for its velocities", (13,)),
+        StateVar("shadow_hand_dof_pos", f"joint angles [rad]: {joints}", (dofs,)),
+        StateVar("shadow_hand_dof_vel", "joint rates [rad/s]", (dofs,), use="zero_centred"),
+        StateVar("shadow_hand_dof_lower_limits", "lower joint limits [rad]", (dofs,), kind="constant"),
+        StateVar("shadow_hand_dof_upper_limits", "upper joint limits [rad]", (dofs,), kind="constant"),
+        StateVar("dof_force_tensor", "torques of the joint drives [N m]", (dofs,), use="zero_centred"),
         StateVar(
-            name="object_pos", shape=(3,), meaning=f"position of the {held}'s centre [m], world frame", use="point"
-        ),
-        StateVar(name="object_rot", shape=(4,), meaning=f"orientation of the {held}, quaternion x y z w"),
-        StateVar(
-            name="object_linvel",
-            shape=(3,),
-            meaning=f"linear velocity of the {held} [m/s], world frame",
+            "actions",
+            "last action: angles the drives pull to, -1 at the lower and 1 at the upper limit",
+            (actions,),
             use="zero_centred",
         ),
+        StateVar("root_state_tensor", f"hand, {held} and goal in the world frame, each {moving}", (3, 13)),
+        StateVar("object_indices", f"row of the {held} in root_state_tensor, 1", kind="int"),
+        StateVar("vel_obs_scale", "factor of joint rates in the observation", kind="float"),
+        StateVar("force_torque_obs_scale", "factor of forces in the observation", kind="float"),
+        StateVar("num_shadow_hand_dofs", "number of joints", kind="int"),
+        StateVar("num_actions", "number of actions", kind="int"),
+        StateVar("num_envs", "number of environments", kind="num_envs"),
         StateVar(
-            name="object_angvel",
-            shape=(3,),
-            meaning=f"angular velocity of the {held} [rad/s], world frame",
-            use="zero_centred",
-        ),
-        StateVar(name="goal_pose", shape=(7,), meaning=f"goal of the {held}: {pose}, world frame"),
-        StateVar(
-            name="goal_pos",
-            shape=(3,),
-            meaning=f"where the {held} should stay, in the palm [m], world frame",
-            use="point",
-        ),
-        StateVar(name="goal_rot", shape=(4,), meaning=f"orientation the {held} should turn to, quaternion x y z w"),
-        StateVar(name="goal_states", shape=(13,), meaning="goal pose, then zeros for its velocities"),
-        StateVar(name="shadow_hand_dof_pos", shape=(dofs,), meaning=f"joint angles [rad]: {joints}"),
-        StateVar(name="shadow_hand_dof_vel", shape=(dofs,), meaning="joint rates [rad/s]", use="zero_centred"),
-        StateVar(
-            name="shadow_hand_dof_lower_limits", shape=(dofs,), kind="constant", meaning="lower joint limits [rad]"
-        ),
-        StateVar(
-            name="shadow_hand_dof_upper_limits", shape=(dofs,), kind="constant", meaning="upper joint limits [rad]"
-        ),
-        StateVar(
-            name="dof_force_tensor", shape=(dofs,), meaning="torques of the joint drives [N m]", use="zero_centred"
-        ),
-        StateVar(
-            name="actions",
-            shape=(actions,),
-            meaning="last action: angles the drives pull to, -1 at the lower and 1 at the upper limit",
-            use="zero_centred",
-        ),
-        StateVar(
-            name="root_state_tensor", shape=(3, 13), meaning=f"hand, {held} and goal in the world frame, each {moving}"
-        ),
-        StateVar(name="object_indices", kind="int", meaning=f"row of the {held} in root_state_tensor, 1"),
-        StateVar(name="vel_obs_scale", kind="float", meaning="factor of joint rates in the observation"),
-        StateVar(name="force_torque_obs_scale", kind="float", meaning="factor of forces in the observation"),
-        StateVar(name="num_shadow_hand_dofs", kind="int", meaning="number of joints"),
-        StateVar(name="num_actions", kind="int", meaning="number of actions"),
-        StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
-        StateVar(
-            name="rotation_distance",
-            meaning=f"angle between the orientations of {held} and goal [rad], 0 to pi",
-            use="zero_centred",
+            "rotation_distance", f"angle between the orientations of {held} and goal [rad], 0 to pi", use="zero_centred"
         ),
     )

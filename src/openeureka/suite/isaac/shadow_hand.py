@@ -31,29 +31,22 @@ def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
             held=held,
         ),
         StateVar(
-            name="fingertip_state",
-            shape=(5, 13),
-            meaning="last links of the first, middle, ring, little finger and thumb: position of the last joint "
+            "fingertip_state",
+            "last links of the first, middle, ring, little finger and thumb: position of the last joint "
             "[m], quaternion x y z w, linear velocity [m/s], angular velocity [rad/s], world frame",
+            (5, 13),
         ),
-        StateVar(name="fingertip_pos", shape=(5, 3), meaning="positions in fingertip_state [m]"),
+        StateVar("fingertip_pos", "positions in fingertip_state [m]", (5, 3)),
+        StateVar("vec_sensor_tensor", "contact force [N] and torque [N m] on each last link, in its frame", (30,)),
         StateVar(
-            name="vec_sensor_tensor",
-            shape=(30,),
-            meaning="contact force [N] and torque [N m] on each last link, in its frame",
-        ),
-        StateVar(
-            name="rigid_body_states",
-            shape=(BODIES, 13),
-            meaning=f"every body, in the layout of fingertip_state: 26 of the hand, the {held}, the goal",
+            "rigid_body_states",
+            f"every body, in the layout of fingertip_state: 26 of the hand, the {held}, the goal",
+            (BODIES, 13),
         ),
         StateVar(
-            name="fingertip_handles",
-            shape=(5,),
-            kind="constant",
-            meaning="rows of the last links in rigid_body_states, as integers",
+            "fingertip_handles", "rows of the last links in rigid_body_states, as integers", (5,), kind="constant"
         ),
-        StateVar(name="num_fingertips", kind="int", meaning="number of fingers, 5"),
+        StateVar("num_fingertips", "number of fingers, 5", kind="int"),
     )
 
 

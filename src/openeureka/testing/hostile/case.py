@@ -9,11 +9,11 @@ from ...types import StateSpec, StateVar, VerdictCode
 
 STATE = StateSpec(
     (
-        StateVar(name="pos", meaning="position [m]", shape=(3,)),
-        StateVar(name="vel", meaning="velocity [m/s]", shape=(3,)),
-        StateVar(name="phase", meaning="phase of a gait [rad]"),
-        StateVar(name="dt", meaning="time step [s]", kind="float"),
-        StateVar(name="num_envs", meaning="number of worlds", kind="num_envs"),
+        StateVar("pos", "position [m]", (3,)),
+        StateVar("vel", "velocity [m/s]", (3,)),
+        StateVar("phase", "phase of a gait [rad]"),
+        StateVar("dt", "time step [s]", kind="float"),
+        StateVar("num_envs", "number of worlds", kind="num_envs"),
     )
 )
 
