@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -30,7 +29,7 @@ class ShadowHandBottleCap(TwoHands):
         "from the mouth, or the left palm 0.2 m from the bottle's middle."
     )
     num_observations = 420
-    num_actions = 52
+    observed = ("bottle_pos", "bottle_cap_pos", "bottle_cap_up")
     transition_scale = 0.1
     orientation_scale = 0.1
     scene = Scene(
@@ -73,9 +72,6 @@ class ShadowHandBottleCap(TwoHands):
 
     def compute_state(self) -> dict[str, Any]:
         return {**super().compute_state(), "bottle_cap_up": self.frames.read()["bottle_cap_up_pos"]}
-
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["bottle_pos"], s["bottle_cap_pos"], s["bottle_cap_up"]), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
         dropped = s["bottle_cap_pos"][:, 2] <= 0.5

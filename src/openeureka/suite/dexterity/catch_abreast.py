@@ -23,7 +23,6 @@ class ShadowHandCatchAbreast(Catch):
     episode_length = 150
     ends = "An episode ends early when the egg falls to a height of 0.2 m, or a wrist moves by more than 0.1 m."
     num_observations = 422
-    num_actions = 52
     view = View(azimuth=20.0, elevation=-35.0)
     transition_scale = 0.5
     orientation_scale = 1.0

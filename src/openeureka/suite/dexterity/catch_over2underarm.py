@@ -28,7 +28,6 @@ class ShadowHandCatchOver2Underarm(Catch):
         "more than 0.1 m."
     )
     num_observations = 422
-    num_actions = 52
     transition_scale = 0.1
     orientation_scale = 2.0
     scene = Scene(

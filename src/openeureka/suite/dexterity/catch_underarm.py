@@ -18,7 +18,6 @@ class ShadowHandCatchUnderarm(Catch):
     episode_length = 75
     ends = "An episode ends early when the egg falls to a height of 0.1 m."
     num_observations = 422
-    num_actions = 52
     transition_scale = 0.05
     orientation_scale = 0.5
     scene = Scene(

@@ -33,7 +33,7 @@ _TORQUE = 1e3 * CONTROL_DT * _RESPONSE  # [N m] at full action and orientation_s
 class TwoHands(Task):
     """Two Shadow Hands whose fingers follow position targets, and whose bases are fixed or driven by forces.
 
-    A task gives the scene, adds what it observes beside the hands and the object, and says when an episode fails and
+    A task gives the scene, names what it observes beside the hands and the object, and says when an episode fails and
     when it succeeds. Success is latched: F is the share of episodes in which it was reached at any time.
     """
 
@@ -42,12 +42,15 @@ class TwoHands(Task):
     score_unit, score_range = "share of episodes in which it is done", (0.0, 1.0)
     ends = "No episode ends early."
     substeps = 2
+    num_actions = 52
     counts_early = True  # also where a success stands when an episode fails: so the published trainings were measured
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0
     orientation_scale: ClassVar[float] = 0.0
     """The original's scales of the bases' force and torque."""
+    observed: ClassVar[tuple[str, ...]] = ()
+    """State variables that are observed beside the hands and the object, in this order."""
     observed_point: ClassVar[str] = "hand"
     """Whose position is observed beside the base's turn: the palm's (`hand`) or the mount's (`base`)."""
     memory = ("successes",)
@@ -146,7 +149,7 @@ class TwoHands(Task):
         return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
 
     def observe(self, s: State) -> Tensor:
-        """The hands and the object; what else is observed, the task appends."""
+        """The hands, the object, and what `observed` names."""
         per_hand = [
             scaled(s["dof_pos"], s["dof_lower_limits"], s["dof_upper_limits"]),
             s["dof_vel"] * 0.2,
@@ -158,7 +161,8 @@ class TwoHands(Task):
         if self.scene.hands_move:
             per_hand.insert(-1, torch.cat([self._base(s, side) for side in SIDES], dim=-1))
         hands = torch.cat([part.reshape(len(part), 2, -1) for part in per_hand], dim=-1).flatten(1)
-        return torch.cat((hands, s["object_pose"], s["object_linvel"], s["object_angvel"] * 0.2), dim=-1)
+        thing = s["object_pose"], s["object_linvel"], s["object_angvel"] * 0.2
+        return torch.cat((hands, *thing, *(s[name] for name in self.observed)), dim=-1)
 
     def _base(self, s: State, side: str) -> Tensor:
         """Where one hand is (N, 6): a position, and the turn since the start as a small-angle vector [rad].

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State, View
@@ -55,13 +54,11 @@ class Doors(Handles):
     episode_length = 250
     ends = "An episode ends early when the distances of a hand's five fingertips from its door handle add up to 1.5 m."
     num_observations = 417
+    observed = ("door_left_handle_pos", "door_right_handle_pos")
     orientation_scale = 0.5
     view = View(azimuth=150.0, elevation=-20.0)
     handles = ("door_right_handle_pos", "door_left_handle_pos")
     reach = 1.5
-
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["door_left_handle_pos"], s["door_right_handle_pos"]), dim=-1)
 
     def handle_gap(self, s: State) -> Tensor:
         """(N,) [m] along y between the handles."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -26,6 +25,7 @@ class ShadowHandGraspAndPlace(Handles):
         "block (left) add up to 1.5 m."
     )
     num_observations = 425
+    observed = ("block_right_handle_pos", "block_right_handle_rot", "block_left_handle_pos", "block_left_handle_rot")
     handles = ("block_right_handle_pos", "block_left_handle_pos")
     reach = 1.5
     scene = Scene(
@@ -51,14 +51,5 @@ class ShadowHandGraspAndPlace(Handles):
         *point_variables("block_left_handle", "middle of the block, a cube of 5 cm"),
     )
 
-    def observe(self, s: State) -> Tensor:
-        bucket = s["block_right_handle_pos"], s["block_right_handle_rot"]
-        block = s["block_left_handle_pos"], s["block_left_handle_rot"]
-        return torch.cat((super().observe(s), *bucket, *block), dim=-1)
-
     def success(self, s: State) -> Tensor:
-        return self._apart(s) < PLACED
-
-    def _apart(self, s: State) -> Tensor:
-        """(N,) [m] between bucket and cube."""
-        return distance(s["block_right_handle_pos"], s["block_left_handle_pos"])
+        return distance(s["block_right_handle_pos"], s["block_left_handle_pos"]) < PLACED

@@ -23,7 +23,6 @@ HAND_VARIABLES = (*FINGERTIPS, *PALMS, *RIGHT_FINGERS, *LEFT_FINGERS)
 class Handles(TwoHands):
     """A handle for each hand; an episode ends when a hand strays from its own."""
 
-    num_actions = 52
     view = View(azimuth=35.0, elevation=-35.0)
     transition_scale = 0.5
     orientation_scale = 0.1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -28,6 +27,7 @@ class ShadowHandKettle(Handles):
     episode_length = 125
     ends = "An episode ends early when the point below the bucket, bucket_handle_pos, falls to a height of 0.2 m."
     num_observations = 417
+    observed = ("kettle_handle_pos", "bucket_handle_pos")
     handles = ("kettle_handle_pos", "bucket_handle_pos")
     scene = Scene(
         right=Pose(pos=(0.55, 0.2, 0.6), euler=(math.pi, 1.57, 1.57)),
@@ -54,9 +54,6 @@ class ShadowHandKettle(Handles):
         *point_variables("kettle_spout", "end of the kettle's spout"),
         *point_variables("bucket_handle", "point 5 cm below the bucket"),
     )
-
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["kettle_handle_pos"], s["bucket_handle_pos"]), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
         return s["bucket_handle_pos"][:, 2] <= DROPPED

@@ -25,7 +25,7 @@ class ShadowHandLiftUnderarm(TwoHands):
     episode_length = 500
     ends = "An episode ends early when the pot falls to a height of 0.3 m, or a palm is 0.2 m from its handle."
     num_observations = 417
-    num_actions = 52
+    observed = ("pot_right_handle_pos", "pot_left_handle_pos")
     transition_scale = 0.25
     orientation_scale = 1.0
     scene = Scene(
@@ -60,19 +60,10 @@ class ShadowHandLiftUnderarm(TwoHands):
         ),
     )
 
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["pot_right_handle_pos"], s["pot_left_handle_pos"]), dim=-1)
-
     def terminated(self, s: State) -> Tensor:
-        right, left = self._reaches(s)
+        right = distance(s["right_hand_pos"], s["pot_right_handle_pos"])
+        left = distance(s["left_hand_pos"], s["pot_left_handle_pos"])
         return (s["object_pos"][:, 2] <= 0.3) | (torch.maximum(right, left) >= 0.2)
 
     def success(self, s: State) -> Tensor:
         return distance(s["object_pos"], s["goal_pos"]) < LIFTED
-
-    def _reaches(self, s: State) -> tuple[Tensor, Tensor]:
-        """(N,) [m] from each palm to its handle."""
-        return (
-            distance(s["right_hand_pos"], s["pot_right_handle_pos"]),
-            distance(s["left_hand_pos"], s["pot_left_handle_pos"]),
-        )

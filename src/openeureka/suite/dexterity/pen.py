@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -28,6 +27,7 @@ class ShadowHandPen(Handles):
         "An episode ends early when the distances of a hand's five fingertips from its point to grasp add up to 1.5 m."
     )
     num_observations = 417
+    observed = ("pen_right_handle_pos", "pen_left_handle_pos")
     handles = ("pen_right_handle_pos", "pen_left_handle_pos")
     reach = 1.5
     scene = Scene(
@@ -52,12 +52,5 @@ class ShadowHandPen(Handles):
         *point_variables("pen_left_handle", "point to grasp on the pen"),
     )
 
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["pen_right_handle_pos"], s["pen_left_handle_pos"]), dim=-1)
-
     def success(self, s: State) -> Tensor:
-        return self._apart(s) > OFF
-
-    def _apart(self, s: State) -> Tensor:
-        """(N,) [m] between cap and pen."""
-        return distance(s["pen_right_handle_pos"], s["pen_left_handle_pos"])
+        return distance(s["pen_right_handle_pos"], s["pen_left_handle_pos"]) > OFF

@@ -24,6 +24,7 @@ class ShadowHandPushBlock(Handles):
     episode_length = 125
     ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m."
     num_observations = 428
+    observed = ("block_right_handle_pos", "block_left_handle_pos", "left_goal_pos", "right_goal_pos")
     handles = ("block_right_handle_pos", "block_left_handle_pos")
     reach = 1.2
     scene = Scene(
@@ -56,23 +57,10 @@ class ShadowHandPushBlock(Handles):
     )
 
     def observe(self, s: State) -> Tensor:
-        seen = (
-            super().observe(s),
-            s["block_right_handle_pos"],
-            s["block_left_handle_pos"],
-            s["left_goal_pos"],
-            s["right_goal_pos"],
-        )
-        return torch.nn.functional.pad(torch.cat(seen, dim=-1), (0, 5))  # the original leaves the last five at 0
+        return torch.nn.functional.pad(super().observe(s), (0, 5))  # the original leaves the last five at 0
 
     def success(self, s: State) -> Tensor:
         """Set once the left block arrives: 1 if the right one is there already, else one half for good."""
-        right, left = (away < ARRIVED for away in self._distances(s))
+        right = distance(s["block_right_handle_pos"], s["right_goal_pos"]) < ARRIVED
+        left = distance(s["block_left_handle_pos"], s["left_goal_pos"]) < ARRIVED
         return torch.where(left, torch.where(right, 1.0, 0.5), 0.0)
-
-    def _distances(self, s: State) -> tuple[Tensor, Tensor]:
-        """From the right and from the left block to its target [m]."""
-        return (
-            distance(s["block_right_handle_pos"], s["right_goal_pos"]),
-            distance(s["block_left_handle_pos"], s["left_goal_pos"]),
-        )

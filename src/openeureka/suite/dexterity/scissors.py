@@ -31,6 +31,7 @@ class ShadowHandScissors(Handles):
         "-0.69 rad."
     )
     num_observations = 417
+    observed = ("scissors_right_handle_pos", "scissors_left_handle_pos")
     handles = ("scissors_right_handle_pos", "scissors_left_handle_pos")
     reach = 1.75
     scene = Scene(
@@ -51,9 +52,6 @@ class ShadowHandScissors(Handles):
         *point_variables("scissors_right_handle", "handle of the right half"),
         *point_variables("scissors_left_handle", "handle of the left half"),
     )
-
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["scissors_right_handle_pos"], s["scissors_left_handle_pos"]), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
         crushed = (torch.maximum(*self.reaches(s)) < NEAR) & (self._angle(s) < CRUSHED)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -26,6 +25,7 @@ class ShadowHandSwingCup(Handles):
     episode_length = 150
     ends = "An episode ends early when the cup falls to a height of 0.3 m."
     num_observations = 417
+    observed = ("cup_right_handle_pos", "cup_left_handle_pos")
     handles = ("cup_right_handle_pos", "cup_left_handle_pos")
     scene = Scene(
         right=Pose(pos=(0.35, 0.2, 0.8), euler=(math.pi, 1.57, 1.57)),
@@ -53,9 +53,6 @@ class ShadowHandSwingCup(Handles):
         *point_variables("cup_right_handle", "right handle of the cup"),
         *point_variables("cup_left_handle", "left handle of the cup"),
     )
-
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["cup_right_handle_pos"], s["cup_left_handle_pos"]), dim=-1)
 
     def ghosts(self) -> Mapping[str, Tensor]:
         """The turned cup, above the cup."""

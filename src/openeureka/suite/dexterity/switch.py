@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
 from ...tasks.task import State
@@ -28,6 +27,7 @@ class ShadowHandSwitch(Handles):
     human = REWARDS / "shadow_hand_switch.py"
     episode_length = 125
     num_observations = 417
+    observed = ("switch_right_handle_pos", "switch_left_handle_pos")
     handles = ("switch_right_handle_pos", "switch_left_handle_pos")
     pressed: ClassVar[float] = 0.012
     """What both ends together must sink below 0.7 m each [m]: -0.005 raised, 0.017 at the lower stops."""
@@ -53,15 +53,9 @@ class ShadowHandSwitch(Handles):
         *point_variables("switch_left_handle", "end of the left switch to press"),
     )
 
-    def observe(self, s: State) -> Tensor:
-        return torch.cat((super().observe(s), s["switch_right_handle_pos"], s["switch_left_handle_pos"]), dim=-1)
-
     def success(self, s: State) -> Tensor:
-        return self._sunk(s) > self.pressed
-
-    def _sunk(self, s: State) -> Tensor:
-        """(N,) [m] below 0.7 m, both ends together."""
-        return 1.4 - s["switch_right_handle_pos"][:, 2] - s["switch_left_handle_pos"][:, 2]
+        sunk = 1.4 - s["switch_right_handle_pos"][:, 2] - s["switch_left_handle_pos"][:, 2]  # [m]
+        return sunk > self.pressed
 
 
 class ShadowHandSwitchAsPublished(ShadowHandSwitch):

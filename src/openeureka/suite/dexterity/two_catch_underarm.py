@@ -22,7 +22,6 @@ class ShadowHandTwoCatchUnderarm(Pair):
     episode_length = 75
     ends = "An episode ends early when an egg falls to a height of 0.2 m."
     num_observations = 446
-    num_actions = 52
     transition_scale = 0.05
     orientation_scale = 0.5
     scene = Scene(
