@@ -1,5 +1,7 @@
 import torch
 
+OFFSET = 2.0
+
 
 def reach(fingers, handle):
     return torch.linalg.vector_norm(torch.stack(fingers, dim=1) - handle[:, None], dim=-1).sum(dim=-1)
@@ -25,5 +27,5 @@ def compute_reward(
     left = reach(left_fingers, door_left_handle_pos)
     gap = (door_right_handle_pos - door_left_handle_pos)[:, 1].abs()
     closed = torch.where(torch.maximum(right, left) < 0.5, 1.0 - 2.0 * gap, 0.0)
-    reward = 2.0 + (-right - left + closed)
+    reward = OFFSET + (-right - left + closed)
     return reward, {"right": right, "left": left, "closed": closed}
