@@ -13,6 +13,7 @@ from torch import Tensor
 from ...tasks.rotations import multiply, turn_about
 from ...tasks.sensors import add_wrench_sensors
 from ...types import StateSpec
+from ..assets import REWARDS
 from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker
 from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand, shadow_hand_variables
 from ..shadow import add_shadow_hand
@@ -36,8 +37,11 @@ class PenInHand(ShadowHand):
     """
 
     suite = "dexterity"
+    human = REWARDS / "pen_in_hand.py"
     random_goals: ClassVar[bool]
     """Whether goals are random orientations; otherwise waypoints."""
+    distance_weight: ClassVar[float]
+    """[1/m] of the distance from the goal in the human reward."""
 
     tolerance = 0.0
     """[rad] 0 stands for that of the published goals."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import mujoco
 
-from ..assets import REWARDS
 from .pen_in_hand import PenInHand, pen_scene
 
 
 class ShadowHandUpsideDown(PenInHand):
     env = "shadow_hand_upside_down"
     description = "to make the shadow hand spin the object to a target orientation"
-    human = REWARDS / "shadow_hand_upside_down.py"
     random_goals = True
+    distance_weight = -10.0
     object_start = (0.0, -0.39, 0.41)  # the original starts 7 cm higher, with the pen up to 2 cm inside the fingers
     goal_position = (0.0, -0.39, 0.44)
 

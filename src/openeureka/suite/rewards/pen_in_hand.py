@@ -2,7 +2,8 @@ import math
 
 import torch
 
-RANDOM_GOALS = False
+DISTANCE_WEIGHT = -10.0
+RANDOM_GOALS = True
 TOLERANCE = 0.0  # [rad], 0 for that of the goals
 
 
@@ -13,5 +14,5 @@ def compute_reward(object_pos, goal_pos, rotation_distance, actions):
     turned = 1.0 / (rotation_distance + 0.1)
     effort = actions.square().sum(dim=-1)
     bonus = 250.0 * (rotation_distance <= tolerance)
-    reward = 0.1 * distance + turned - 0.0002 * effort + bonus  # the sign of the distance is the published one
+    reward = DISTANCE_WEIGHT * distance + turned - 0.0002 * effort + bonus
     return reward, {"distance": distance, "turned": turned, "effort": effort, "bonus": bonus}
