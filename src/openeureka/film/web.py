@@ -1,19 +1,54 @@
 """A policy at work in a browser, in 3-D, through the web viewer that is part of MuJoCo.
 
-That viewer asks for no password and by itself listens on every interface; here it is bound to loopback. Who sits at
-another machine comes through `ssh -L 8080:localhost:8080`.
+That viewer asks for no password, listens on every interface, answers the pages of any site and loads what they drop on
+it, with the textures that it names of any file. Here it is bound to loopback, answers its own page only and loads
+nothing. Who sits at another machine comes through `ssh -L 8080:localhost:8080`.
 """
 
 from __future__ import annotations
 
+import re
+import threading
 import time
+from typing import TYPE_CHECKING, Any
 
 from mujoco.studio import app, endpoints, launch_thread, messages, sim, step_control, viewer_protocol, web_viewer
+from mujoco.studio.web import web_server
 
 from .stage import Stage
 from .viewer import ViewerUnavailable
 
+if TYPE_CHECKING:
+    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.http11 import Request, Response
+
 LOOPBACK = "127.0.0.1"
+_NAMES = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]+)?")
+"""What a browser calls this machine; any port, as ssh may forward another one."""
+_PATIENCE = 10.0
+"""[s] that the server's thread may take to begin."""
+_guarded = threading.Event()
+_serve = web_server.serve
+
+
+def _refused(connection: ServerConnection, request: Request) -> Response | None:
+    hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+    if len(hosts) != 1 or not _NAMES.fullmatch(hosts[0]):  # a name of another site may resolve to this machine
+        return connection.respond(403, "Open this page as localhost.\n")
+    if any(origin != f"http://{hosts[0]}" for origin in origins):
+        return connection.respond(403, "Only the viewer's own page may ask for this.\n")
+    if request.path.partition("?")[0] == "/drop":
+        return connection.respond(403, "This page shows a policy; it loads no other model.\n")
+    return None
+
+
+async def _serve_guarded(*args: Any, process_request: Any, **settings: Any) -> Server:
+    """As `websockets` serves, past `_refused`; MuJoCo offers no setting for it."""
+    _guarded.set()
+    return await _serve(*args, process_request=lambda c, r: _refused(c, r) or process_request(c, r), **settings)
+
+
+web_server.serve = _serve_guarded
 
 
 class LoopbackViewer(web_viewer.WebViewer):
@@ -34,6 +69,11 @@ class Buttons(step_control.StepControl):
         self._stage = stage
         self._due = 0.0
 
+    @messages.handler
+    def _on_load(self, event: messages.LoadModelEvent) -> bool:
+        """True keeps the event from those who would load a file."""
+        return True
+
     @messages.handler(priority=messages.Priority.INTERNAL)
     def _on_step(self, event: messages.StepEvent) -> None:
         control = self.step_control
@@ -50,7 +90,7 @@ def page(stage: Stage, port: int) -> None:
         port: 0 takes the first free one from 8080 on.
 
     Raises:
-        ViewerUnavailable: when the port is taken, or other machines could connect.
+        ViewerUnavailable: when the port is taken, or other machines or sites could connect.
     """
 
     def serve(endpoint: endpoints.ViewerEndpoint) -> None:
@@ -61,6 +101,9 @@ def page(stage: Stage, port: int) -> None:
             raise RuntimeError(
                 f"this version of MuJoCo would serve its page at {viewer.address}, to other machines too"
             )
+        if not _guarded.wait(_PATIENCE):
+            viewer.close()
+            raise RuntimeError("this version of MuJoCo would serve its page to other sites too")
         viewer_protocol.run_viewer_loop(viewer)
 
     try:
