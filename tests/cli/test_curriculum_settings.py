@@ -122,6 +122,16 @@ def test_a_run_that_goes_on_holds_to_what_its_files_said(
     assert Path("out", f"{name}.yaml").read_text() == before
 
 
+@pytest.mark.parametrize("copy", ["mass: 2001-99-99\n", "mass: !!bool x\n", 'mass: "\\UFFFFFFFF"\n', "\x00"])
+def test_a_copy_that_is_damaged_is_another_one(toy: StagedTrainer, capsys: pytest.CaptureFixture[str], copy: str):
+    Path("file.yaml").write_text("mass: [0.8, 1.2]\n")
+    toy.stops = True
+    assert run("run", *SETTINGS, "randomise=file.yaml", "dir=out") == 130
+    Path("out", "randomise.yaml").write_text(copy)
+    assert run("resume", "out") == 2
+    assert "is not what it was when the run began" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -288,6 +288,28 @@ def test_a_reply_that_is_no_table_is_told_why_and_repaired(searched: Path) -> No
     assert run.robust is not None and [arm.name for arm in run.robust.arms] == ["plain", "longer", "uniform", "r0"]
 
 
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("mass: 2001-99-99", "is no range"),
+        ("mass: [0x" + "f" * 3900 + ", 1]", "is no range"),
+        ("mass: [1, 1" + "0" * 3900 + "]", "is no range"),
+        ("mass: !!int x", "are not YAML: a table has no references and no tags"),
+        ("mass: &a [1, 1]\nfriction: *a", "are not YAML: a table has no references and no tags"),
+        ("mass: 1\n<<: {friction: 1}", "has an unknown `<<`"),
+        ('mass: "\\UFFFFFFFF"', "are not YAML"),
+        ("mass: " + "[" * 3900, "are not YAML"),
+    ],
+)
+def test_a_reply_that_yaml_itself_stumbles_over_is_one_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        read(text)
+
+
+def test_numbers_are_read_as_people_write_them() -> None:
+    assert read("mass: [.5, +2.]\nnoise: [0, 1e1]\n").drawn == {"mass": (0.5, 2.0), "noise": (0.0, 10.0)}
+
+
 def test_where_no_reply_can_be_used_it_says_so_and_goes_on_with_a_model_that_can(searched: Path) -> None:
     with pytest.raises(ModelError, match="No reply holds ranges that can be used: .*unknown `speed`"):
         make(searched, ScriptedModel(["speed: [1, 2]"] * 2), Toughening(), sample=1)

@@ -286,6 +286,7 @@ def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
         ("anymal", "mass: heavy", "`mass: heavy` in .* is no range"),
         ("anymal", "mass: [.nan, 1]", "is no range"),
         ("anymal", "mass: [true, 1]", "is no range"),
+        ("anymal", "mass: [1, 1" + "0" * 400 + "]", "is no range"),
         ("anymal", "- mass", "holds no ranges, such as"),
         ("anymal", "a: b: c", "are not YAML"),
         (

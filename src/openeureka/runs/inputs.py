@@ -39,8 +39,14 @@ def keep(config: RunConfig, directory: Path) -> None:
 
 
 def _said(text: bytes) -> object:
-    """The content without its spelling; the text where a copy is no YAML."""
+    """The content without its spelling; the text where it is no YAML.
+
+    The copy may be somebody else's: nothing is made of it, as its references and tags may spell out anything.
+    """
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+        return [
+            (type(part), *(getattr(part, name, None) for name in ("anchor", "tag", "implicit", "value")))
+            for part in yaml.parse(text)
+        ]
+    except (yaml.YAMLError, ValueError, OverflowError):  # the last two: of characters that there are not
         return text

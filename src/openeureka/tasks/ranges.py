@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
 import mujoco
 import yaml
+from yaml.composer import ComposerError
 
 from ..config import NO_RANGES
 from ..errors import ConfigError, nearest
@@ -39,6 +41,26 @@ NAMED: Mapping[str, Pairs] = {
     },
 }
 """By name; of these a task takes what changes anything of it."""
+
+
+class _Table(yaml.SafeLoader):
+    """Words, numbers, and lists of them by name. YAML's other kinds raise all sorts of errors where they are damaged,
+    and its references spell out terabytes."""
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "tag", None) is not None:
+            raise ComposerError(None, None, "a table has no references and no tags", event.start_mark)
+        return super().compose_node(parent, index)
+
+
+_Table.yaml_implicit_resolvers = {}
+_Table.add_implicit_resolver("tag:yaml.org,2002:int", re.compile(r"[-+]?(0|[1-9][0-9]{0,8})\Z"), list("-+0123456789"))
+_Table.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]+)?\Z", re.I),
+    list("-+.0123456789"),
+)
 
 
 def find(env: str, randomise: str) -> Ranges | None:
@@ -82,8 +104,8 @@ def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> R
         ConfigError: for anything else, for what the task does not have, and where nothing would change.
     """
     try:
-        found = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
+        found = yaml.load(text, Loader=_Table)
+    except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:
         raise ConfigError(f"The ranges {where} are not YAML: {' '.join(str(error).split())[:200]}.") from None
     if not (isinstance(found, dict) and found):
         raise ConfigError(f"{where} holds no ranges, such as `mass: [0.8, 1.2]`.")
@@ -158,7 +180,7 @@ def checked(name: str, value: object, where: str) -> tuple[float, float]:
     scale = SCALES[name]
     if (
         len(pair) != 2
-        or not all(type(end) in (int, float) and math.isfinite(end) for end in pair)
+        or not all(type(end) in (int, float) for end in pair)
         or not scale.least <= pair[0] <= pair[1] <= scale.most
     ):
         raise ConfigError(
