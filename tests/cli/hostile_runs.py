@@ -131,6 +131,18 @@ def schema(sql: str) -> Harm:
     return harm
 
 
+def behind(sql: str, *values: object) -> Harm:
+    """A change of the schema's own table, which SQLite checks little of."""
+
+    def harm(run: Path, _: Path) -> None:
+        with closing(sqlite3.connect(run / "run.sqlite")) as store:
+            store.execute("PRAGMA writable_schema = ON")
+            assert store.execute(sql, values).rowcount == 1
+            store.commit()
+
+    return harm
+
+
 def snapshot(about: str) -> Harm:
     def harm(run: Path, _: Path) -> None:
         (run / "snapshots").mkdir(exist_ok=True)
@@ -152,6 +164,13 @@ def _peak(epoch: int) -> dict[str, object]:
 
 
 _ESCAPES = "\x1b]0;owned\x07\x1b[2J\u202e<script>alert(1)</script>\n# Heading [a](javascript:x)"
+_HIDDEN = "INSERT INTO sqlite_master VALUES ('trigger', 'sqlite_later', 'remarks', 0, ?)"
+"""A name that SQLite keeps for itself."""
+_ENDLESS = """CREATE TRIGGER sqlite_later AFTER INSERT ON remarks BEGIN
+    SELECT COUNT(*) FROM (WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n); END"""
+_COMMENTED = """UPDATE sqlite_master SET sql = replace(sql, 'fills' || char(10), 'fills ')
+    WHERE name = 'prompts' AND sql LIKE '%-- first slot that the prompt fills' || char(10) || '    messages TEXT%'"""
+"""Where the comment goes on, the column after it is none."""
 
 CASES = (
     # Links. What is written replaces them where they stand for a file, and is refused where they stand for a folder.
@@ -230,6 +249,8 @@ CASES = (
     HostileRun("trigger", schema("CREATE TRIGGER later AFTER INSERT ON replies BEGIN SELECT 1; END"), _TABLES, _TABLES),
     HostileRun("view", schema("CREATE VIEW later AS SELECT * FROM replies"), _TABLES, _TABLES),
     HostileRun("table", schema("CREATE TABLE later (words TEXT)"), _TABLES, _TABLES),
+    HostileRun("trigger-of-sqlite", behind(_HIDDEN, _ENDLESS), _TABLES, _TABLES),
+    HostileRun("column-in-a-comment", behind(_COMMENTED), _TABLES, _TABLES),
     HostileRun("snapshot-of-nothing", snapshot("[" * 100_000)),
     HostileRun("snapshot-of-another-form", snapshot('{"env": "cartpole", "lanes": {"a": 1}}')),
     # Text.

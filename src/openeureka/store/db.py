@@ -43,6 +43,8 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 _NAMES = {"lane", "candidate", "start_lane"}
 """Columns whose values become names of files."""
 _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
+_WORDS = re.compile(r"""--[^\n\0]*|'(?:[^']|'')*'|"(?:[^"]|"")*"|\w+|[^ \t\n\f\r]""")
+"""Of SQL, with what SQLite itself takes for space: others, such as U+00A0, are letters to it."""
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _FINISHED = """
@@ -158,9 +160,9 @@ def _layout(scripts: tuple[str, ...]) -> tuple[set[tuple[str, str]], dict[str, l
 
 
 def _objects(connection: sqlite3.Connection) -> set[tuple[str, str]]:
-    """Everything in the schema but SQLite's own."""
-    found = connection.execute("SELECT name, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite~_%' ESCAPE '~'")
-    return {(str(name), _on_one_line(str(sql))) for name, sql in found}
+    """Everything in the schema that SQL made: a name may begin like SQLite's own."""
+    found = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL")
+    return {(str(name), _plain(str(sql))) for name, sql in found}
 
 
 def _statements(script: str) -> Iterator[str]:
@@ -174,9 +176,12 @@ def _statements(script: str) -> Iterator[str]:
 
 
 @lru_cache(256)
-def _on_one_line(sql: str) -> str:
-    """Cached, as nearly every file has the same tables."""
-    return " ".join(sql.split())
+def _plain(sql: str) -> str:
+    """What SQLite reads of it. A comment ends where its line does: one that goes on would hide what follows.
+
+    Cached, as nearly every file has the same tables.
+    """
+    return " ".join(word for word in _WORDS.findall(sql) if not word.startswith("--"))
 
 
 def at_work(directory: Path) -> StoreError:
