@@ -42,4 +42,4 @@ def test_who_goes_on_with_it_brings_it_up_to_date(directory: Path) -> None:
     with Store.open(directory, before.config) as store:
         assert store.ended, "which no row said in schema 11"
         assert store.lanes.all() == before.lanes and store.ranks == "played"
-    assert schema(directory) == len(MIGRATIONS)
+    assert schema(directory) == max(MIGRATIONS)

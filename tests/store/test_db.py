@@ -7,9 +7,10 @@ import pytest
 
 from openeureka.errors import StoreError
 from openeureka.store import artifacts, db
-from openeureka.store.db import MIGRATIONS, Database
-from openeureka.store.schema import OLDEST
+from openeureka.store.db import Database
+from openeureka.store.schema import MIGRATIONS, OLDEST
 
+NEWEST = max(MIGRATIONS)
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
     "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
@@ -43,7 +44,7 @@ def schema(directory: Path) -> tuple[int, set[str]]:
 
 
 def test_a_blank_file_reaches_the_newest_schema(tmp_path: Path, database: Database) -> None:
-    assert schema(tmp_path) == (len(MIGRATIONS), set(TABLES))
+    assert schema(tmp_path) == (NEWEST, set(TABLES))
 
 
 def test_an_older_file_is_migrated_and_keeps_its_rows(
@@ -51,16 +52,16 @@ def test_an_older_file_is_migrated_and_keeps_its_rows(
 ) -> None:
     database.put("replies", REPLY)
     database.close()
-    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER);"])
+    monkeypatch.setattr(db, "MIGRATIONS", MIGRATIONS | {NEWEST + 1: "CREATE TABLE extra (id INTEGER);"})
     newer = Database(tmp_path, writable=True)
-    assert schema(tmp_path) == (len(MIGRATIONS) + 1, {*TABLES, "extra"})
+    assert schema(tmp_path) == (NEWEST + 1, {*TABLES, "extra"})
     assert dict(newer.rows("replies")[0]) == REPLY
     newer.close()
 
 
 def test_an_older_file_can_be_viewed_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as then:
-        then.setattr(db, "MIGRATIONS", MIGRATIONS[:OLDEST])
+        then.setattr(db, "MIGRATIONS", {OLDEST: MIGRATIONS[OLDEST]})
         older = Database(tmp_path, writable=True)
         older.put("replies", REPLY)
         older.close()
@@ -73,11 +74,11 @@ def test_an_older_file_can_be_viewed_and_stays_as_it_is(tmp_path: Path, monkeypa
 
 @pytest.mark.parametrize("writable", [False, True])
 def test_a_file_that_is_too_old_is_refused_and_stays_as_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writable: bool
+    tmp_path: Path, database: Database, writable: bool
 ) -> None:
-    with monkeypatch.context() as then:
-        then.setattr(db, "MIGRATIONS", MIGRATIONS[: OLDEST - 1])
-        Database(tmp_path, writable=True).close()
+    database.close()
+    with sqlite3.connect(tmp_path / db.FILENAME) as connection:
+        connection.execute(f"PRAGMA user_version = {OLDEST - 1}")
     with pytest.raises(StoreError, match=r"too old for this one; begin anew in another dir=\.$"):
         Database(tmp_path, writable=writable)
     assert schema(tmp_path)[0] == OLDEST - 1
@@ -88,28 +89,29 @@ def test_a_file_whose_maker_was_killed_half_way_is_begun_again(tmp_path: Path, m
         raise KeyboardInterrupt
 
     with monkeypatch.context() as then:
-        then.setattr(db, "FILLS", {5: killed})
+        then.setattr(db, "FILLS", {OLDEST + 1: killed})
         with pytest.raises(KeyboardInterrupt):
             Database(tmp_path, writable=True)
     Database(tmp_path, writable=True).close()
-    assert schema(tmp_path)[0] == len(MIGRATIONS)
+    assert schema(tmp_path)[0] == NEWEST
 
 
 def test_a_migration_that_fails_leaves_the_old_schema(
     tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database.close()
-    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER); CREATE TABLE run (id);"])
+    failing = "CREATE TABLE extra (id INTEGER); CREATE TABLE run (id);"
+    monkeypatch.setattr(db, "MIGRATIONS", MIGRATIONS | {NEWEST + 1: failing})
     with pytest.raises(StoreError):
         Database(tmp_path, writable=True)
-    assert schema(tmp_path) == (len(MIGRATIONS), set(TABLES))
+    assert schema(tmp_path) == (NEWEST, set(TABLES))
 
 
 def test_two_that_migrate_one_file_do_not_collide(
     tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database.close()
-    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER);"])
+    monkeypatch.setattr(db, "MIGRATIONS", MIGRATIONS | {NEWEST + 1: "CREATE TABLE extra (id INTEGER);"})
     prepared = Database._schema
     seen: list[int] = []
 
@@ -122,14 +124,14 @@ def test_two_that_migrate_one_file_do_not_collide(
 
     monkeypatch.setattr(Database, "_schema", late)
     Database(tmp_path, writable=True).close()
-    assert seen == [len(MIGRATIONS)] * 2
-    assert schema(tmp_path) == (len(MIGRATIONS) + 1, {*TABLES, "extra"})
+    assert seen == [NEWEST] * 2
+    assert schema(tmp_path) == (NEWEST + 1, {*TABLES, "extra"})
 
 
 def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, database: Database) -> None:
     database.close()
     with sqlite3.connect(tmp_path / db.FILENAME) as connection:
-        connection.execute(f"PRAGMA user_version = {len(MIGRATIONS) + 1}")
+        connection.execute(f"PRAGMA user_version = {NEWEST + 1}")
     with pytest.raises(StoreError, match="newer openeureka"):
         Database(tmp_path, writable=True)
 

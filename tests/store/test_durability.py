@@ -24,7 +24,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.loop import run
 from openeureka.store import Store, db, read_config, say
-from openeureka.store.schema import OLDEST
+from openeureka.store.schema import MIGRATIONS, OLDEST
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Remark, RemarkKind
 
@@ -254,7 +254,7 @@ def test_a_run_that_nobody_else_may_read_says_so(foreign: Path):
 
 def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as older:
-        older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:OLDEST])
+        older.setattr(db, "MIGRATIONS", {OLDEST: MIGRATIONS[OLDEST]})
         Store.open(tmp_path, CONFIG).close()
     before = (tmp_path / db.FILENAME).read_bytes()
     with Store.view(tmp_path) as store:
@@ -266,13 +266,14 @@ def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path
 def test_a_word_to_a_run_of_an_older_version_leaves_its_process_the_tables_it_knows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    newest, asked = len(db.MIGRATIONS), replace(CONFIG, feedback="human")
+    newest, asked = max(MIGRATIONS), replace(CONFIG, feedback="human")
+    before = {n: script for n, script in MIGRATIONS.items() if n < newest}
     with monkeypatch.context() as older:
-        older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:-1])
+        older.setattr(db, "MIGRATIONS", before)
         with Store.open(tmp_path, asked) as running:
             older.undo()
             say(tmp_path, Remark(kind=RemarkKind.WORDS, text="calmer"))
-            older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:-1])
+            older.setattr(db, "MIGRATIONS", before)
             assert [remark.text for remark in running.remarks.unheard()] == ["calmer"]
             assert running._database._schema() == newest - 1
     with Store.open(tmp_path, asked) as store:

@@ -222,7 +222,7 @@ class Database:
         self._connection.execute("PRAGMA trusted_schema = OFF")
         with self.moment():  # another process may be migrating
             schema, objects = self._schema(), _objects(self._connection)
-        if schema > len(MIGRATIONS):
+        if schema > max(MIGRATIONS):
             raise StoreError(
                 f"{short_path(self.directory)} was written by a newer openeureka; install that version to open it."
             )
@@ -231,7 +231,7 @@ class Database:
                 f"{short_path(self.directory)} was written by an openeureka that is too old for this one; "
                 "begin anew in another dir=."
             )
-        if schema < 0 or objects != _layout(tuple(MIGRATIONS[:schema]))[0]:
+        if schema < 0 or objects != _layout(tuple(MIGRATIONS[n] for n in MIGRATIONS if n <= schema))[0]:
             raise StoreError(
                 f"{short_path(self.directory / FILENAME)} has other tables than openeureka makes, so nothing in it "
                 "is used; restore it from a copy or choose another dir=."
@@ -239,7 +239,7 @@ class Database:
         if not writable:
             if schema == 0:
                 raise NotBegun(f"{short_path(self.directory)} holds a run that never began; {AGAIN}")
-            if schema < len(MIGRATIONS):
+            if schema < max(MIGRATIONS):
                 self._to_memory()
                 self._migrate()
             self._connection.execute("PRAGMA query_only = ON")
@@ -265,17 +265,17 @@ class Database:
 
     def _migrate(self) -> None:
         """All or none: a new file whose process was killed here must not pass for one that is too old."""
-        if self._schema() == len(MIGRATIONS):
+        if self._schema() == max(MIGRATIONS):
             return
         self._connection.execute("BEGIN IMMEDIATE")
         try:
             before = self._schema()  # another process may have been faster
-            for number, script in enumerate(MIGRATIONS[before:], start=before + 1):
-                for statement in _statements(script):
+            for number in (n for n in MIGRATIONS if n > before):
+                for statement in _statements(MIGRATIONS[number]):
                     self._connection.execute(statement)
                 if fill := FILLS.get(number):
                     fill(self._connection)
-            self._connection.execute(f"PRAGMA user_version = {len(MIGRATIONS)}")
+            self._connection.execute(f"PRAGMA user_version = {max(MIGRATIONS)}")
             self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
@@ -302,7 +302,7 @@ class Database:
         query = f"SELECT * FROM {table} WHERE {condition} ORDER BY {', '.join(order)}"
         with explained(self.directory):
             found = self._connection.execute(query, tuple(where.values())).fetchall()
-        columns = _layout(tuple(MIGRATIONS))[1][table]
+        columns = _layout(tuple(MIGRATIONS.values()))[1][table]
         for row in found:
             for name, kind, optional in columns:
                 if not _fits(name, kind, row[name], optional):

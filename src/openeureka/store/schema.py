@@ -20,12 +20,14 @@ def _immutable(*tables: str) -> str:
     )
 
 
+# Files are compared with these tables to the letter. Columns stand as SQLite writes those that were added later.
 _TABLES = """
+-- ranks: by what search=best ranks; NULL: by training.
 CREATE TABLE run (
     id INTEGER PRIMARY KEY CHECK (id = 1),
     config TEXT NOT NULL,
     version TEXT NOT NULL
-);
+    , ranks TEXT);
 CREATE TABLE prompts (
     generation INTEGER NOT NULL,
     slot INTEGER NOT NULL,           -- first slot that the prompt fills
@@ -50,7 +52,7 @@ CREATE TABLE verdicts (
     verdict TEXT NOT NULL
 );
 CREATE TABLE results (
-    job TEXT PRIMARY KEY,
+    lane TEXT PRIMARY KEY,
     fitness REAL,                    -- NULL where F was never defined
     result TEXT NOT NULL
 );
@@ -59,20 +61,18 @@ CREATE TABLE entries (
     slot INTEGER NOT NULL,
     candidate TEXT REFERENCES verdicts (candidate),
     verdict TEXT NOT NULL,           -- kept here too: a reply without a program has one and no candidate
-    job TEXT REFERENCES results (job),
+    lane TEXT REFERENCES results (lane),
     attempts INTEGER NOT NULL,
     feedback TEXT NOT NULL,
     PRIMARY KEY (generation, slot)
 );
+-- Here and in the other tables of scores, costs are those beside F; NULL: none were measured.
 CREATE TABLE evaluations (
-    job TEXT PRIMARY KEY REFERENCES results (job),
+    lane TEXT PRIMARY KEY REFERENCES results (lane),
     fitness REAL,
     episode_length REAL,
     episodes INTEGER NOT NULL
-);
-"""
-
-_REMARKS = """
+    , error REAL, concentration REAL, peak TEXT, costs TEXT);
 CREATE TABLE remarks (
     id INTEGER PRIMARY KEY,
     kind TEXT NOT NULL,
@@ -84,54 +84,40 @@ CREATE TABLE heard (
     generation INTEGER PRIMARY KEY,
     remarks INTEGER NOT NULL         -- all up to this id, less those of earlier generations, came after this one
 );
-"""
-
-_TRIALS = """
-ALTER TABLE evaluations ADD COLUMN error REAL;
-ALTER TABLE evaluations ADD COLUMN concentration REAL;
 CREATE TABLE trials (
-    job TEXT NOT NULL REFERENCES results (job),
+    lane TEXT NOT NULL REFERENCES results (lane),
     name TEXT NOT NULL,              -- in which world, or with which policy of the training
     fitness REAL,
     error REAL,
     concentration REAL,
     episode_length REAL,
-    episodes INTEGER NOT NULL,
-    PRIMARY KEY (job, name)
+    episodes INTEGER NOT NULL, peak TEXT, costs TEXT,
+    PRIMARY KEY (lane, name)
 );
-"""
-
-_PLAYS = """
-ALTER TABLE run ADD COLUMN ranks TEXT;          -- by what search=best ranks; NULL: by training, as versions before did
-ALTER TABLE prompts ADD COLUMN parent_generation INTEGER;
-ALTER TABLE prompts ADD COLUMN parent_slot INTEGER;
-ALTER TABLE evaluations ADD COLUMN peak TEXT;
-ALTER TABLE trials ADD COLUMN peak TEXT;
 CREATE TABLE plays (
-    job TEXT NOT NULL REFERENCES results (job),
+    lane TEXT NOT NULL REFERENCES results (lane),
     peak TEXT NOT NULL,              -- which policy of the lane
     look INTEGER NOT NULL,           -- 0, then 1 where more episodes were needed
     fitness REAL,
     error REAL,
     concentration REAL,
     episode_length REAL,
-    episodes INTEGER NOT NULL,
-    PRIMARY KEY (job, peak, look)
+    episodes INTEGER NOT NULL, costs TEXT,
+    PRIMARY KEY (lane, peak, look)
 );
 CREATE TABLE crown (
     id INTEGER PRIMARY KEY CHECK (id = 1),
     generation INTEGER NOT NULL,
     slot INTEGER NOT NULL
 );
-"""
-
-_LEDGER = """
+-- start_lane: whose policy it goes on from; NULL: it begins anew. start_fresh: share of fresh weights in the mixture.
+-- ranges: by name, what its worlds are drawn from; NULL: as in the run.
 CREATE TABLE lanes (
-    job TEXT PRIMARY KEY,
+    lane TEXT PRIMARY KEY,
     reward TEXT NOT NULL,            -- a candidate, `human` or `sparse`, or what a given reward is called
     seed INTEGER NOT NULL,
     role TEXT NOT NULL               -- why it is trained, see types.Role
-);
+    , start_lane TEXT, start_peak TEXT, start_fresh REAL, ranges TEXT);
 CREATE TABLE given (                 -- the rewards of a run that searches for none
     name TEXT PRIMARY KEY,
     candidate TEXT REFERENCES verdicts (candidate)   -- NULL for those that come with the task
@@ -152,17 +138,6 @@ CREATE TABLE attempts (              -- what a reply was found to hold
     repair TEXT,                     -- what the model was shown beyond the slot's prompt, of a repair
     PRIMARY KEY (generation, attempt, slot)
 );
-"""
-_UNUSED = """
-ALTER TABLE prompts DROP COLUMN parent_generation;
-ALTER TABLE prompts DROP COLUMN parent_slot;
-"""
-_LANES = "".join(
-    f"ALTER TABLE {table} RENAME COLUMN job TO lane;\n"
-    for table in ("lanes", "results", "entries", "evaluations", "plays", "trials")
-)
-
-_RUNGS = """
 CREATE TABLE rungs (                 -- lanes that paused at a share of their steps
     lane TEXT NOT NULL REFERENCES lanes (lane),
     rung INTEGER NOT NULL,           -- 1 is the first
@@ -172,34 +147,14 @@ CREATE TABLE rungs (                 -- lanes that paused at a share of their st
     concentration REAL,
     episode_length REAL,
     episodes INTEGER NOT NULL,
-    peak TEXT,
+    peak TEXT, costs TEXT,
     PRIMARY KEY (lane, rung)
 );
-"""
-
-_STARTS = """
-ALTER TABLE lanes ADD COLUMN start_lane TEXT;    -- whose policy it goes on from; NULL: it begins anew
-ALTER TABLE lanes ADD COLUMN start_peak TEXT;
-ALTER TABLE lanes ADD COLUMN start_fresh REAL;   -- share of fresh weights in the mixture
 CREATE TABLE best_policy (                       -- judged as it is, whatever made it
     id INTEGER PRIMARY KEY CHECK (id = 1),
     lane TEXT NOT NULL REFERENCES results (lane),
     peak TEXT NOT NULL
 );
-"""
-
-
-def _of_scores(column: str) -> str:
-    """One more column of every table of scores."""
-    return "".join(
-        f"ALTER TABLE {table} ADD COLUMN {column}\n" for table in ("evaluations", "plays", "trials", "rungs")
-    )
-
-
-_COSTS = _of_scores("costs TEXT;  -- beside F; NULL: none were measured")
-
-_ROBUST = """
-ALTER TABLE lanes ADD COLUMN ranges TEXT;        -- by name, what its worlds are drawn from; NULL: as in the run
 CREATE TABLE ranges (
     name TEXT PRIMARY KEY,
     ranges TEXT NOT NULL
@@ -216,7 +171,18 @@ CREATE TABLE proposals (             -- what a model was asked for ranges, and w
     seconds REAL NOT NULL,
     PRIMARY KEY (slot, attempt)
 );
-"""
+""" + _immutable(
+    "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
+    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy", "ranges", "proposals",
+)  # fmt: skip
+
+
+def _of_scores(column: str) -> str:
+    """One more column of every table of scores."""
+    return "".join(
+        f"ALTER TABLE {table} ADD COLUMN {column}\n" for table in ("evaluations", "plays", "trials", "rungs")
+    )
+
 
 _SCREENS = """
 CREATE TABLE screens (               -- accepted programs of a generation that asked for more than train
@@ -243,26 +209,17 @@ _LOST = _of_scores("lost INTEGER NOT NULL DEFAULT 0;  -- episodes, as the physic
 
 _NOISY = _of_scores("noisy INTEGER NOT NULL DEFAULT 0;  -- whether actions had the noise of training")
 
-MIGRATIONS: list[str] = [
-    _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
-    _REMARKS + _immutable("remarks", "heard"),
-    _TRIALS + _immutable("trials"),
-    _PLAYS + _immutable("plays", "crown"),
-    _LEDGER + _immutable("lanes", "given", "slots", "attempts"),
-    _UNUSED,
-    _LANES,
-    _RUNGS + _immutable("rungs"),
-    _STARTS + _immutable("best_policy"),
-    _COSTS,
-    _ROBUST + _immutable("ranges", "proposals"),
-    _SCREENS + _immutable("screens"),
-    _ENDED + _immutable("ended"),
-    _LOST,
-    _NOISY,
-]
-"""Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
+MIGRATIONS: dict[int, str] = {
+    11: _TABLES,
+    12: _SCREENS + _immutable("screens"),
+    13: _ENDED + _immutable("ended"),
+    14: _LOST,
+    15: _NOISY,
+}
+"""By the schema that it leads to: a script that brings a file there from the one before; the first begins with none.
+Published scripts are never edited, only followed by new ones."""
 
-OLDEST = 11
+OLDEST = min(MIGRATIONS)
 """Schema of the oldest files that are read; the archives in benchmarks/ begin with it."""
 
 
