@@ -45,6 +45,7 @@ class TrainerConformance:
     episodes: ClassVar[int] = 16
 
     _kept: ClassVar[list[TrainingEvent]]
+    _scored: ClassVar[list[Evaluation]]
 
     def make(self) -> Trainer:
         raise NotImplementedError
@@ -132,14 +133,11 @@ class TrainerConformance:
         assert acted["fresh"] != acted["own"]
 
     def test_policies_are_scored_one_by_one(self) -> None:
-        trainer = self.make()
-        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
-        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        policies, scores = self._played(), self._plain()
         assert policies
-        scores = self._scores(policies, trainer)
         assert sorted(score.lane for score in scores) == sorted(policies)
         assert all(score.episodes > 0 and score.episode_length > 0 for score in scores)
-        assert self._scores(policies, trainer) == scores
+        assert self._scores(policies) == scores
 
     def test_a_changed_world_leaves_the_tasks_own_beside_it_alone(self) -> None:
         peaks = (result.best_reward for result in self._finished())
@@ -152,8 +150,7 @@ class TrainerConformance:
         assert math.isclose(scores["own"].episode_length, alone.episode_length, rel_tol=0.05)
 
     def test_what_is_untrained_plays_as_its_seed_begins(self) -> None:
-        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
-        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        policies = self._played()
         one, other = self._scores(policies, untrained=dict.fromkeys(policies, 5))
         assert (one.lane, other.lane) == tuple(policies) and one.episodes == other.episodes
         assert math.isclose(one.episode_length, other.episode_length, rel_tol=0.05)
@@ -161,10 +158,8 @@ class TrainerConformance:
         assert math.isclose(*scores, rel_tol=0.05)
 
     def test_recorded_episodes_come_with_an_unchanged_score(self) -> None:
-        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
-        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
-        first, trainer = next(iter(policies)), self.make()
-        plain = self._scores(policies, trainer)
+        policies, plain, trainer = self._played(), self._plain(), self.make()
+        first = next(iter(policies))
         scores = {s.lane: s for s in self._scores(policies, trainer, record=[first])}
         assert [scores[score.lane] for score in plain] == plain
         assert {lane for lane, score in scores.items() if score.recorded is not None} == {first}
@@ -185,6 +180,17 @@ class TrainerConformance:
     ) -> list[Evaluation]:
         playing = trainer or self.make()
         return list(playing.evaluate(self.env, policies, seed=7, episodes=self.episodes, **options))
+
+    def _played(self) -> dict[str, bytes]:
+        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
+        return {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+
+    def _plain(self) -> list[Evaluation]:
+        """Scores of what is played, kept as `_events` are."""
+        kind = type(self)
+        if "_scored" not in kind.__dict__:
+            kind._scored = self._scores(self._played())
+        return kind._scored
 
     def _events(self) -> list[TrainingEvent]:
         """Of one training for all checks of the class: it may take seconds."""
