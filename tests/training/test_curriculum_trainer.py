@@ -1,8 +1,9 @@
 """Lanes go from stage to stage with their policy; what a stage left is kept."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -14,10 +15,22 @@ from openeureka.tasks import curriculum
 from openeureka.tasks.task import Stage
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.testing.scripted import ToyTrainer
+from openeureka.training import episodes
 from openeureka.training.curriculum import CurriculumTrainer
+from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy
 from openeureka.training.population import Population
-from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+from openeureka.types import (
+    Episodes,
+    Evaluation,
+    LaneSpec,
+    RewardGraph,
+    TrainBudget,
+    TrainingEvent,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+)
 
 STAGES = (Stage(env="easy", steps=300), Stage(env="hard", steps=100))
 SPECS = [LaneSpec(id="human-s0", program="human"), LaneSpec(id="sparse-s0", program="sparse")]
@@ -167,6 +180,21 @@ class Forgetful:
     def save(self, stage: int, result: TrainingResult) -> None: ...
 
 
+class Here:
+    """Trains in this process; that stages train in others is seen below."""
+
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
+        return Population(env, lanes, budget, threads=1).train()
+
+    def evaluate(self, env: str, policies: Mapping[str, bytes], **how: Any) -> Iterator[Evaluation]:
+        yield from evaluate(env, policies, threads=1, **how)
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], recorded: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        return dict(episodes.rewards(env, programs, recorded))
+
+
 class TestCurriculumTrainer(TrainerConformance):
     """Two short stages of Cartpole with short episodes."""
 
@@ -175,7 +203,7 @@ class TestCurriculumTrainer(TrainerConformance):
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))
-        return CurriculumTrainer(LocalExecutor(threads=1), stages, Forgetful())
+        return CurriculumTrainer(Here(), stages, Forgetful())
 
 
 def test_a_warm_start_is_the_policy_with_its_statistics():
