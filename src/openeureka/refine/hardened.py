@@ -9,7 +9,7 @@ from ..method.hacking import learnt
 from ..score import breach, pooled, worth
 from ..stats import mean
 from ..store import Store
-from ..types import NOMINAL, PEAKS, Dynamics, Evaluation, Limits, Ranges, TrainingResult
+from ..types import NOMINAL, PEAKS, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {
@@ -36,8 +36,25 @@ HARD: Mapping[str, Dynamics] = {
 start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
+# Trials are called by what follows here. Scores are looked up by these names, and nothing takes a name apart.
+SWEEP = "sweep"
+"""A policy in the task's own world, beside those of `swept`."""
 UNTRAINED = "sweep untrained"
-"""The trial of the policy that all begin from, as it was untrained."""
+"""The policy that all begin from, as it was untrained."""
+OWN = "nominal"
+"""The task's own world, beside those of `HARD`."""
+
+
+def swept(quantity: str, value: float) -> str:
+    """A policy in a world with one quantity changed."""
+    return f"{SWEEP} {quantity}={value:g}"
+
+
+def in_world(world: str, choosing: Peak | None = None) -> str:
+    """A policy in one of `HARD` or in its own world, to be judged or, by its peak, to choose among those of a lane."""
+    return f"hard {world}" if choosing is None else f"choose {choosing} hard {world}"
+
+
 PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
 """The policy that the search left; the same, trained on as it was; and ranges that nobody gave a reason for."""
 
@@ -110,13 +127,13 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
     known = store.hardening()
     began = known.policy.lane if known is not None else ""
-    if "sweep" not in scores.get(began, {}):
+    if SWEEP not in scores.get(began, {}):
         return None
     tried, limits = {name: scores.get(records.get(name, ""), {}) for name in own}, store.config.cost_limits
     arms = [_arm(PLAIN, None, scores[began], limits), *(_arm(name, own[name], tried[name], limits) for name in own)]
-    swept = [name for name in own if "sweep" in tried[name]]
-    ours = max(swept, key=lambda name: worth(chosen(tried[name], limits), limits), default="")
-    quantities = [name for name in GRID if any(key.startswith(f"sweep {name}=") for key in scores[began])]
+    finished = [name for name in own if SWEEP in tried[name]]
+    ours = max(finished, key=lambda name: worth(chosen(tried[name], limits), limits), default="")
+    quantities = [name for name, grid in GRID.items() if any(swept(name, value) in scores[began] for value in grid)]
     after = carries(store, records[ours], quantities) if ours else ()
     before = carries(store, began, quantities)
     return Robust(arms=tuple(arms), ours=ours, before=tuple(before), after=tuple(after))
@@ -125,34 +142,39 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
 def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:
     """Of a lane's policies that which does best in hard worlds, on start states for choosing: one that keeps the limits
     before others. None where F is undefined for all."""
-    found = [_over(scores, f"choose {peak} hard ") for peak in PEAKS]
+    found = [_over(_by_world(scores, peak)) for peak in PEAKS]
     return max((one for one in found if one is not None), key=lambda one: worth(one, limits), default=None)
 
 
-def _over(scores: Mapping[str, Evaluation], prefix: str) -> Evaluation | None:
+def _by_world(scores: Mapping[str, Evaluation], choosing: Peak | None = None) -> dict[str, Evaluation]:
+    """Those of one policy (see `in_world`) by world, its own first, as far as it was tried."""
+    names = {world: in_world(world, choosing) for world in (OWN, *HARD)}
+    return {world: scores[name] for world, name in names.items() if name in scores}
+
+
+def _over(worlds: Mapping[str, Evaluation]) -> Evaluation | None:
     """One score of a policy for its hard worlds, in which a cost is the mean over them, or that in its own world where
     it is higher. None before it has one, or where F is undefined in one of them."""
-    worlds = {name: score for name, score in scores.items() if name.startswith(prefix)}
-    fitness = mean_of(worlds, prefix)
-    if fitness is None:
+    hard = [score for world, score in worlds.items() if world != OWN]
+    if not hard or any(score.fitness is None for score in hard):
         return None
-    nominal = worlds.pop(f"{prefix}nominal", None)
-    hard = pooled([*worlds.values()], shared=True)
-    own = nominal.costs if nominal is not None else hard.costs
-    return replace(hard, costs={name: max(cost, own.get(name, cost)) for name, cost in hard.costs.items()})
+    found = pooled(hard, shared=True)
+    own = worlds[OWN].costs if OWN in worlds else found.costs
+    return replace(found, costs={name: max(cost, own.get(name, cost)) for name, cost in found.costs.items()})
 
 
 def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], limits: Limits) -> RobustArm:
-    choice = chosen(scores, limits)
-    worlds = {key.removeprefix("hard "): score for key, score in scores.items() if key.startswith("hard ")}
+    choice, worlds = chosen(scores, limits), _by_world(scores)
+    over = _over(worlds)
+    nominal = worlds.pop(OWN, None)
     return RobustArm(
         name=name,
         ranges=ranges,
-        nominal=worlds.pop("nominal", None),
-        hard=mean_of(scores, "hard "),
+        nominal=nominal,
+        hard=mean([score.fitness for score in worlds.values()]) if over is not None else None,
         worlds=worlds,
         chosen_by=choice.fitness if choice is not None else None,
-        breach=breach(_over(scores, "hard ") or choice, limits),
+        breach=breach(over or choice, limits),
     )
 
 
@@ -160,7 +182,7 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
     """How far a lane's policy carries along each quantity, as far as it was tried."""
     trials, known = store.lanes.trials(), store.hardening()
     scores, began = trials.get(lane, {}), trials.get(known.policy.lane, {}) if known is not None else {}
-    nominal = scores.get("sweep")
+    nominal = scores.get(SWEEP)
     gained = learnt(nominal, began.get(UNTRAINED))
 
     def point(value: float, score: Evaluation | None) -> tuple[float, float | None, float | None]:
@@ -171,13 +193,7 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
 
     found: list[Carried] = []
     for name in quantities:
-        points = [point(value, scores.get(f"sweep {name}={value:g}")) for value in GRID[name]]
-        points.append(point(float(getattr(NOMINAL, name)), scores.get("sweep")))
+        points = [point(value, scores.get(swept(name, value))) for value in GRID[name]]
+        points.append(point(float(getattr(NOMINAL, name)), scores.get(SWEEP)))
         found.append(Carried(name=name, points=tuple(sorted(points))))
     return found
-
-
-def mean_of(scores: Mapping[str, Evaluation], prefix: str) -> float | None:
-    """Over the hard worlds; None where F is undefined in one of them."""
-    own = [score.fitness for name, score in scores.items() if name.startswith(prefix) and not name.endswith(" nominal")]
-    return mean(own) if None not in own else None

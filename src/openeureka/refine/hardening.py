@@ -36,7 +36,21 @@ from ..types import (
     Trial,
 )
 from ..types.dynamics import SCALES
-from .hardened import GRID, HARD, KEEPS, LONGER, UNIFORM, UNTRAINED, Carried, carries, chosen
+from .hardened import (
+    GRID,
+    HARD,
+    KEEPS,
+    LONGER,
+    OWN,
+    SWEEP,
+    UNIFORM,
+    UNTRAINED,
+    Carried,
+    carries,
+    chosen,
+    in_world,
+    swept,
+)
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
@@ -98,9 +112,9 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     beside = [name for name in (LONGER, UNIFORM) if name in arms]
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
-    hard = hard_worlds(robot.quantities)
     # Not held out as a final score is: the policy that all begin from may have been chosen by that.
-    lanes.try_out([trial for own in judged for trial in trials(own, hard)], starts=ROBUST, episodes=HARD_EPISODES)
+    hard = [trial for own in judged for trial in hard_trials(own, robot.quantities)]
+    lanes.try_out(hard, starts=ROBUST, episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.lanes.ranges()[ours]), arms[ours])
 
@@ -151,22 +165,29 @@ def _best(store: Store) -> PolicyId:
 
 def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Trial]:
     """A policy in the task's own world, and with each quantity changed alone."""
-    worlds = {"sweep": NOMINAL}
-    worlds |= {f"sweep {name}={value:g}": Dynamics(**{name: value}) for name in quantities for value in GRID[name]}
+    worlds = {SWEEP: NOMINAL}
+    worlds |= {swept(name, value): Dynamics(**{name: value}) for name in quantities for value in GRID[name]}
     return trials(policy, worlds)
 
 
-def trials(policy: PolicyId, worlds: Mapping[str, Dynamics], of: str = "") -> list[Trial]:
-    return [Trial(lane=policy.lane, name=of + name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
+def trials(policy: PolicyId, worlds: Mapping[str, Dynamics]) -> list[Trial]:
+    """Of one policy, by what they are called."""
+    return [Trial(lane=policy.lane, name=name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
+
+
+def hard_trials(policy: PolicyId, quantities: Sequence[str], choosing: Peak | None = None) -> list[Trial]:
+    """Of one policy in hard worlds and in its own; see `hardened.in_world`."""
+    worlds = hard_worlds(quantities)
+    return trials(policy, {in_world(world, choosing): dynamics for world, dynamics in worlds.items()})
 
 
 def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
     """Those of `HARD` that are other worlds for a robot, as far as it has their quantities; and its own."""
-    found: dict[str, Dynamics] = {"hard nominal": NOMINAL}
+    found: dict[str, Dynamics] = {OWN: NOMINAL}
     for name, world in HARD.items():
         known = {each: getattr(world, each) for each in quantities if getattr(world, each) != getattr(NOMINAL, each)}
         if known and Dynamics(**known) not in found.values():
-            found[f"hard {name}"] = Dynamics(**known)
+            found[name] = Dynamics(**known)
     return found
 
 
@@ -270,9 +291,7 @@ def _share(share: float | None, fitness: float | None) -> str:
 
 def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     """Which of a lane's policies does best in hard worlds, on start states for choosing."""
-    hard = hard_worlds(quantities)
-    own = [PolicyId(lane.id, peak) for peak in PEAKS]
-    choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
+    choosing = [trial for peak in PEAKS for trial in hard_trials(PolicyId(lane.id, peak), quantities, peak)]
     lanes.try_out(choosing, starts=CHOOSING, episodes=CHOOSING_EPISODES)
     found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.cost_limits)
     return (found.peak if found is not None else None) or PEAKS[0]
