@@ -96,9 +96,10 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
         for text in replies["replies"]:
             source = extract.program(text)
             candidate = Candidate.of(source or "")
-            if store.verdict(candidate.id) is None:
-                store.save_verdict(candidate, checker.check(candidate), Reply(text=text, model=replies["model"]))
-            verdict = store.verdict(candidate.id)
+            if store.rewards.verdict(candidate.id) is None:
+                reply = Reply(text=text, model=replies["model"])
+                store.rewards.save_verdict(candidate, checker.check(candidate), reply)
+            verdict = store.rewards.verdict(candidate.id)
             if verdict is not None and verdict.graph is not None:
                 found[candidate.id] = verdict.graph
     return [*found.items(), ("human", "human")]

@@ -256,7 +256,7 @@ def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(one_sandbox, toy
     train([f"reward={tmp_path}/my reward.py", f"dir={tmp_path}/out"])
     (tmp_path / "my reward.py").unlink()
     with Store.view(tmp_path / "out") as store:
-        assert list(store.named()) == ["my_reward"]
+        assert list(store.rewards.named()) == ["my_reward"]
     assert (tmp_path / "out" / "best" / "reward.py").read_text() == GOOD
     resume([f"{tmp_path}/out"])
     assert toy.trained == ["my_reward-s0"]

@@ -294,4 +294,4 @@ def test_python_programs_tune_too(toy, tmp_path):
     }
     assert openeureka.open_run(tmp_path / "out").resume().tuned == run.tuned
     with Store.view(tmp_path / "out") as store:
-        assert store.named()["original"] is not None
+        assert store.rewards.named()["original"] is not None

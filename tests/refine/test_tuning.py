@@ -282,8 +282,8 @@ def test_a_tuning_of_other_numbers_than_count_by_now_says_so(tmp_path: Path) -> 
     with Store.open(tmp_path, config()) as store:
         for name, text in ((ORIGINAL, HUMAN), ("trial_1", HUMAN.replace("speed, effort", "effort, speed"))):
             candidate = Candidate.of(text)
-            store.save_verdict(candidate, Reader().check(candidate), Reply(text=text, model="given"))
-            store.save_named({name: candidate.id})
+            store.rewards.save_verdict(candidate, Reader().check(candidate), Reply(text=text, model="given"))
+            store.rewards.save_named({name: candidate.id})
         with pytest.raises(StoreError, match="counted other numbers of this reward; tune it again with another dir="):
             tuning.tune(Lanes(config(), store, Hill(), nobody), Reader())
 
@@ -447,11 +447,11 @@ def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp
         run(wanted, store, ScriptedModel([reply(7.0), reply(8.0)]), ToyChecker(), ToyTrainer(), TOY,
             strategies.make(wanted))  # fmt: skip
         (entries,) = (generation.entries for generation in store.history().generations)
-        lanes, began = Lanes(wanted, store, ToyTrainer(), nobody), dict(store.named())
+        lanes, began = Lanes(wanted, store, ToyTrainer(), nobody), dict(store.rewards.named())
         other = next(entry for entry in entries if entry.candidate_id != began[ORIGINAL])
         assert tuning.tune_winner(lanes, ToyChecker(), other) is not None
         assert tuning.tune_winner(lanes, ToyChecker(), None) is not None
-        assert store.named() == began
+        assert store.rewards.named() == began
 
 
 def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) -> None:

@@ -102,8 +102,8 @@ def test_usage_is_the_sum_over_replies(store: Store) -> None:
 
 
 def test_a_verdict_comes_back_with_its_graph(store: Store) -> None:
-    store.save_verdict(CANDIDATE, ACCEPTED, REPLY)
-    assert store.verdict(CANDIDATE.id) == ACCEPTED
+    store.rewards.save_verdict(CANDIDATE, ACCEPTED, REPLY)
+    assert store.rewards.verdict(CANDIDATE.id) == ACCEPTED
     folder = store.directory / "candidates" / CANDIDATE.id
     assert (folder / "reward.py").read_text() == CANDIDATE.source
     assert (folder / "reply.txt").read_text() == "text"
@@ -113,8 +113,8 @@ def test_a_verdict_comes_back_with_its_graph(store: Store) -> None:
 def test_a_refusal_comes_back_with_its_findings(store: Store) -> None:
     findings = (Finding(rule="r", message="m \ud800", fix="f", line=3), Finding(rule="s", message="n"))
     refused = Verdict(candidate=CANDIDATE.id, code=VerdictCode.REFUSED, findings=findings)
-    store.save_verdict(CANDIDATE, refused, REPLY)
-    assert store.verdict(CANDIDATE.id) == refused
+    store.rewards.save_verdict(CANDIDATE, refused, REPLY)
+    assert store.rewards.verdict(CANDIDATE.id) == refused
 
 
 def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apart(store: Store) -> None:
@@ -159,7 +159,7 @@ def test_episodes_that_were_lost_are_kept(store: Store) -> None:
 
 def test_a_generation_comes_back_whole(store: Store) -> None:
     no_program = Verdict(candidate="", code=VerdictCode.NO_PROGRAM, findings=(Finding(rule="r", message="m"),))
-    store.save_verdict(CANDIDATE, ACCEPTED, REPLY)
+    store.rewards.save_verdict(CANDIDATE, ACCEPTED, REPLY)
     store.lanes.save_results([result("a-s0")])
     trained = store.lanes.result("a-s0")
     entries = (
@@ -293,7 +293,7 @@ CHANGED = {
 def test_a_row_that_was_changed_is_named_and_nothing_of_it_is_used(store: Store, how: str) -> None:
     store._database.put("verdicts", {"candidate": "x", "source": "", "verdict": CHANGED[how]})
     with pytest.raises(StoreError, match=r"run\.sqlite holds a row that was changed .* restore the file"):
-        store.verdict("x")
+        store.rewards.verdict("x")
 
 
 @pytest.mark.parametrize("field", ["state", "fitness", "curves", "env_steps", "best_reward", "message"])

@@ -42,7 +42,7 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
     """The reward in `best/`, with its fitted numbers where it has some: its text, and what was accepted of it."""
     source = (artifacts.read(directory, "best/reward.py") or b"").decode(errors="replace")
     with Store.view(directory) as store:
-        verdict = store.verdict(Candidate.of(source).id)
+        verdict = store.rewards.verdict(Candidate.of(source).id)
         if not source:
             expect_files(store)
     if not source and artifacts.read(directory, "best/policy.safetensors") is not None:

@@ -23,17 +23,17 @@ def keep(store: Store, rewards: Given) -> None:
     Raises:
         StoreError: when it holds others.
     """
-    known, wanted = store.named(), {name: found[0].id if found else None for name, found in rewards.items()}
+    known, wanted = store.rewards.named(), {name: found[0].id if found else None for name, found in rewards.items()}
     if known and known != wanted:
         raise StoreError(
             f"{store.directory} holds a run of other rewards ({', '.join(known)}); name those, as they were, or "
             "choose another dir=."
         )
     for found in rewards.values():
-        if found is not None and store.verdict(found[0].id) is None:
-            store.save_verdict(*found, Reply(text=found[0].source, model=GIVEN))
+        if found is not None and store.rewards.verdict(found[0].id) is None:
+            store.rewards.save_verdict(*found, Reply(text=found[0].source, model=GIVEN))
     if not known:
-        store.save_named(wanted)
+        store.rewards.save_named(wanted)
 
 
 def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
@@ -71,7 +71,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
-    store.save_best(store.candidate(store.named()[best]), PolicyId(lane, kept or peaks[lane]))
+    store.save_best(store.rewards.candidate(store.rewards.named()[best]), PolicyId(lane, kept or peaks[lane]))
 
 
 def of_given(store: Store) -> dict[str, Lane]:
@@ -82,8 +82,8 @@ def of_given(store: Store) -> dict[str, Lane]:
 def programs(store: Store) -> dict[str, RewardProgram]:
     """What the given rewards train under, by name."""
     found: dict[str, RewardProgram] = {}
-    for name in store.named():
-        own = store.program(name)
+    for name in store.rewards.named():
+        own = store.rewards.program(name)
         assert own is not None  # what was refused is never kept
         found[name] = own
     return found

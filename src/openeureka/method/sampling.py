@@ -136,7 +136,8 @@ class Sampler:
 
     def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))
-        self.store.save_attempt(generation, attempt, slot, candidate.id if candidate is not None else None, repair)
+        found = candidate.id if candidate is not None else None
+        self.store.rewards.save_attempt(generation, attempt, slot, found, repair)
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
         self.tell(Checked(sample))
         return sample
@@ -147,9 +148,9 @@ class Sampler:
         if source is None:
             return None, NO_PROGRAM
         candidate = Candidate.of(source)
-        if self.store.verdict(candidate.id) is None:
-            self.store.save_verdict(candidate, self.checker.check(candidate), reply)
-        verdict = self.store.verdict(candidate.id)
+        if self.store.rewards.verdict(candidate.id) is None:
+            self.store.rewards.save_verdict(candidate, self.checker.check(candidate), reply)
+        verdict = self.store.rewards.verdict(candidate.id)
         assert verdict is not None
         return candidate, verdict
 

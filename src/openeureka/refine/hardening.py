@@ -99,7 +99,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
-    program = store.program(reward)
+    program = store.rewards.program(reward)
     if program is None:
         raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
     names = store.lanes.ranges()

@@ -74,7 +74,7 @@ def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph])
 def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
     """One reward, then the others that trained with fresh seeds: the contenders for the crown, and fitted ones."""
     final = [lane.reward for lane in store.lanes.all().values() if lane.role == "final"]
-    programs = {name: store.program(name) for name in (own, *final)}
+    programs = {name: store.rewards.program(name) for name in (own, *final)}
     return {name: program for name, program in programs.items() if isinstance(program, RewardGraph)}
 
 

@@ -77,13 +77,13 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
     Raises:
         StoreError: when it holds another.
     """
-    known = store.named()
+    known = store.rewards.named()
     if known.get(ORIGINAL, origin.id) != origin.id:
         raise StoreError(f"{store.directory} tunes another reward; name that, as it was, or choose another dir=.")
-    if store.verdict(origin.id) is None:
-        store.save_verdict(origin, verdict, Reply(text=origin.source, model=GIVEN))
+    if store.rewards.verdict(origin.id) is None:
+        store.rewards.save_verdict(origin, verdict, Reply(text=origin.source, model=GIVEN))
     if ORIGINAL not in known:
-        store.save_named({ORIGINAL: origin.id})
+        store.rewards.save_named({ORIGINAL: origin.id})
 
 
 def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
@@ -98,7 +98,7 @@ def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
     config, store = lanes.config, lanes.store
-    origin = store.candidate(store.named().get(ORIGINAL))
+    origin = store.rewards.candidate(store.rewards.named().get(ORIGINAL))
     if origin is None:  # killed between the first rows of the run
         raise StoreError(f"{store.directory} holds no reward yet; start it again with the same `eureka tune` command.")
     optimiser = Optimiser(weights(origin.source), tuned.size(config), config.seed)
@@ -108,7 +108,7 @@ def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
         asked = optimiser.ask(index)[: len(own)]
         proposed = {name: weighed(origin.source, numbers) for name, numbers in zip(names, asked, strict=True)}
         _propose(lanes, checker, index, proposed)
-        kept = store.texts()
+        kept = store.rewards.texts()
         candidates = [kept[name] for name in names]
         last = own is every[-1]
         over = bool(_raced(lanes, kept)) if last else _name(own.stop) in kept
@@ -136,7 +136,7 @@ def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> Policy
 
 def begun(store: Store) -> bool:
     """Whether the fitting has begun: what it trains must not decide which reward it is of."""
-    return ORIGINAL in store.named()
+    return ORIGINAL in store.rewards.named()
 
 
 def _name(number: int) -> str:
@@ -145,19 +145,19 @@ def _name(number: int) -> str:
 
 def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str]) -> None:
     """Judge and keep the weightings of a round, unless the store has them."""
-    store, known = lanes.store, lanes.store.named()
+    store, known = lanes.store, lanes.store.rewards.named()
     fresh = {name: Candidate.of(text) for name, text in texts.items() if name not in known}
     if fresh:
         lanes.tell(Began("check", round=index))
     for candidate in fresh.values():
-        if store.verdict(candidate.id) is None:
-            store.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
-    store.save_named({name: candidate.id for name, candidate in fresh.items()})
+        if store.rewards.verdict(candidate.id) is None:
+            store.rewards.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
+    store.rewards.save_named({name: candidate.id for name, candidate in fresh.items()})
 
 
 def _programs(store: Store, candidates: Iterable[Candidate]) -> list[tuple[str, RewardProgram]]:
     """What the accepted ones train under, by id."""
-    return [(own.id, program) for own in candidates if (program := store.program(own.id)) is not None]
+    return [(own.id, program) for own in candidates if (program := store.rewards.program(own.id)) is not None]
 
 
 def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: bool) -> None:
@@ -196,7 +196,7 @@ def _scores(
 def _race(lanes: Lanes) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store = lanes.config, lanes.store
-    texts = store.texts()
+    texts = store.rewards.texts()
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     claims = len(arms) - 1

@@ -157,7 +157,7 @@ class Reader:
         self._results, self._played, self._videos = results, played, videos
         self._entries = {entry.sample.place: entry for entry in history.entries}
         self._parents = {} if config.model == "random" else store.talk.parents()  # chance reads no parent
-        self._attempts, self._screens = store.attempts(), store.screens.all()
+        self._attempts, self._screens = store.rewards.attempts(), store.screens.all()
         self._ranking = strategies.Ranking(history)
 
     def generations(self) -> tuple[GenerationView, ...]:
@@ -214,5 +214,5 @@ class Reader:
         found = self._attempts.get((place.generation, number, place.slot))
         if found is None:
             return AttemptView(repair=(), reply=reply, program=None, verdict=None)
-        verdict = self._store.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
+        verdict = self._store.rewards.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
         return AttemptView(repair=found.repair, reply=reply, program=found.candidate, verdict=verdict)

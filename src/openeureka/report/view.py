@@ -101,7 +101,7 @@ class RunView:
                 robust=hardened.read(store, results),
                 unheard=store.remarks.unheard(),
                 ended=store.ended,
-                texts=store.texts(),
+                texts=store.rewards.texts(),
                 refused=_refused(store),
                 videos=videos,
             )
@@ -233,8 +233,8 @@ class RunView:
 def _refused(store: Store) -> dict[str, str]:
     """Of weightings alone: no run begins with another given reward that was refused. None of them has a lane."""
     lanes = {lane.reward for lane in store.lanes.all().values()}
-    waiting = {name: own.id for name, own in store.texts().items() if store.config.tune and own.id not in lanes}
-    verdicts = {name: store.verdict(own) for name, own in waiting.items()}
+    waiting = {name: own.id for name, own in store.rewards.texts().items() if store.config.tune and own.id not in lanes}
+    verdicts = {name: store.rewards.verdict(own) for name, own in waiting.items()}
     return {
         name: "; ".join(finding.sentence() for finding in verdict.findings) or verdict.code
         for name, verdict in verdicts.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import asdict
 from glob import glob
@@ -21,25 +21,18 @@ from ..parsing import restored, short_path
 from ..score import played
 from ..text import safe_text
 from ..types import (
-    OWN_REWARDS,
-    Attempt,
     Candidate,
-    CandidateId,
     Evaluation,
     Generation,
     Glance,
     Hardening,
     History,
-    Message,
     Place,
     PolicyId,
     Ranks,
-    Reply,
-    RewardProgram,
     Sample,
     Scored,
     TrainingResult,
-    Verdict,
 )
 from ..version import __version__
 from . import artifacts, summary
@@ -48,7 +41,8 @@ from .folders import Folders
 from .hold import expect_near, hold
 from .lane_log import LaneLog
 from .remarks import RemarkLog
-from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
+from .rewards import RewardLog
+from .rows import decode_usage, decode_verdict
 from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
@@ -81,6 +75,7 @@ class Store:
         folders: where people look for policies.
         lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
+        rewards: programs, what was found in them, and what they are called.
         screens: which programs do not train, and why.
         talk: what the model was asked, and replied.
     """
@@ -92,6 +87,7 @@ class Store:
         self.lanes = LaneLog(database)
         self.folders = Folders(database, self.lanes)
         self.remarks = RemarkLog(database)
+        self.rewards = RewardLog(database)
         self.screens = ScreenLog(database)
         self.talk = TalkLog(database)
 
@@ -200,61 +196,6 @@ class Store:
         plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"
         return "played" if plays else "training"
 
-    # --- replies and rewards -----------------------------------------------------------------------------------------
-
-    def save_attempt(
-        self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
-    ) -> None:
-        """Keep which program a reply holds, once it is judged, and what a repair showed beyond the slot's prompt."""
-        place = {"generation": generation, "attempt": attempt, "slot": slot}
-        if self._database.row("attempts", **place) is None:
-            shown = encode_messages(repair) if repair else None
-            self._database.put("attempts", {**place, "candidate": candidate, "repair": shown})
-
-    def attempts(self) -> dict[tuple[int, int, int], Attempt]:
-        """Every judged reply, by generation, attempt and slot."""
-        return {
-            (row["generation"], row["attempt"], row["slot"]): Attempt(
-                candidate=self.candidate(row["candidate"]),
-                repair=self._database.decoded(decode_messages, row["repair"]) if row["repair"] is not None else (),
-            )
-            for row in self._database.rows("attempts")
-        }
-
-    def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
-        """`reply` is the first one that held this program."""
-        folder = f"candidates/{candidate.id}"
-        artifacts.write(self.directory, f"{folder}/reward.py", candidate.source)
-        artifacts.write(self.directory, f"{folder}/reply.txt", reply.text)
-        artifacts.write(self.directory, f"{folder}/verdict.json", encode(verdict, indent=2))
-        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode(verdict)}
-        self._database.put("verdicts", row)
-
-    def verdict(self, candidate: str) -> Verdict | None:
-        row = self._database.row("verdicts", candidate=candidate)
-        return self._database.decoded(decode_verdict, row["verdict"]) if row is not None else None
-
-    def save_named(self, rewards: Mapping[str, CandidateId | None]) -> None:
-        """Keep what rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
-        self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
-
-    def named(self) -> dict[str, CandidateId | None]:
-        """Rewards that no model wrote, by name, in the order in which they came: those that a person gave, and other
-        weightings of one."""
-        return {row["name"]: row["candidate"] for row in self._database.rows("given")}
-
-    def texts(self) -> dict[str, Candidate]:
-        """Their programs, of those that have one."""
-        found = {name: self.candidate(own) for name, own in self.named().items()}
-        return {name: candidate for name, candidate in found.items() if candidate is not None}
-
-    def program(self, reward: str) -> RewardProgram | None:
-        """What a reward trains under, by its id or its name; None for one that was refused."""
-        name = self.named().get(reward) or reward
-        verdict = self.verdict(name)
-        own = name if name in OWN_REWARDS else None
-        return verdict.graph if verdict is not None else own
-
     # --- generations -------------------------------------------------------------------------------------------------
 
     def save_generation(self, generation: Generation) -> None:
@@ -294,17 +235,12 @@ class Store:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
-            candidate=self.candidate(row["candidate"]),
+            candidate=self.rewards.candidate(row["candidate"]),
             verdict=self._database.decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
         result = self._database.decoded(results.__getitem__, row["lane"]) if row["lane"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["lane"]))
-
-    def candidate(self, identity: CandidateId | None) -> Candidate | None:
-        """A judged program; None where nothing of that name was judged."""
-        row = self._database.row("verdicts", candidate=identity) if identity is not None else None
-        return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
 
     def glance(self) -> Glance:
         """How far the run has come."""
@@ -352,7 +288,7 @@ class Store:
         """The policy in `best/`; of equal ones that of the reward which lies beside it. None before there is one."""
         source = artifacts.read(self.directory, "best/reward.py")
         own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
-        lanes, given, judged = self.lanes.all(), self.named(), self.lanes.evaluations()
+        lanes, given, judged = self.lanes.all(), self.rewards.named(), self.lanes.evaluations()
 
         def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
             lane = lanes[policy.lane]
