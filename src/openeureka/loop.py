@@ -80,8 +80,8 @@ def run(
     tuned = tuning.tune_winner(lanes, checker, winner) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
-    store.end()
     outcome = race.outcome(config, history, store.crown(), store.lanes.results(), store.lanes.evaluations())
+    store.end(outcome.word)
     tell(outcome)
     return outcome
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
 from .stats import CONFIDENCE, Difference, Estimate, difference, mean
-from .types import COSTS, Evaluation, Limits, Peak, Place, Scored
+from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, Word
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
@@ -188,3 +188,19 @@ class Outcome:
         rivals = [arm.scores for arm in self.rivals.values()]
         claims = (1 + len(rivals)) / self.share
         return difference(self.method.scores, self.human.scores, rivals, claims=claims)
+
+    @property
+    def same(self) -> bool:
+        """Whether both rewards have one and the same score with every seed."""
+        own, human = self.method, self.human
+        return len({*own.held_out, *human.held_out}) == 1 and min(len(own.scores), len(human.scores)) > 1
+
+    @property
+    def word(self) -> Word:
+        """What is decided between both."""
+        if not (self.method.scores and self.human.scores):
+            return ""
+        found = self.difference
+        if found is None or not found.sure:
+            return "no difference" if self.same else "not decided"
+        return "better" if found.value > 0 else "worse"

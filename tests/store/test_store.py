@@ -296,6 +296,12 @@ def test_a_row_that_was_changed_is_named_and_nothing_of_it_is_used(store: Store,
         store.rewards.verdict("x")
 
 
+def test_a_word_that_no_search_ends_with_is_named(store: Store) -> None:
+    store._database.put("ended", {"id": 1, "word": "best of all"})
+    with pytest.raises(StoreError, match="was changed"):
+        store.glance()
+
+
 @pytest.mark.parametrize("field", ["state", "fitness", "curves", "env_steps", "best_reward", "message"])
 def test_a_result_that_was_changed_is_named(store: Store, field: str) -> None:
     data = json.loads(encode_result(result("a", fitness=1.0))) | {field: ["x"]}

@@ -47,7 +47,16 @@ def test_the_list_names_each_run_with_state_task_model_and_score(tmp_path):
     search_in(tmp_path / "first", [reply(1), reply(2)])
     page = shown(visitor(tmp_path), "/")
     assert "/runs/first/" in page.links()
-    for cell in ("first", "finished", "toy", "local", "1 of 1", "1.01", "0.0200"):  # two replies of a cent
+    for cell in (
+        "first",
+        "finished",
+        "toy",
+        "local",
+        "1 of 1",
+        "1.01",
+        "not decided",
+        "0.0200",
+    ):  # two replies of a cent
         assert re.search(rf">{cell}</(td|a|span)>", page.source), cell
 
 

@@ -100,11 +100,13 @@ def test_a_finished_run_shows_its_best_and_what_it_cost(tmp_path):
 
 
 def test_the_list_scores_a_run_as_its_own_page_does(tmp_path):
-    directory = search_in(tmp_path / "run", [reply(1), reply(2)])
-    glance, ends = folder.entry("run", directory).glance, RunView.read(directory).outcome
-    assert glance is not None and ends is not None
-    assert None not in (glance.held_out, glance.human)
-    assert (glance.held_out, glance.human) == (mean(ends.method.held_out), mean(ends.human.held_out))
+    for best, seeds, word in ((2, 2, "worse"), (20, 2, "better"), (20, 1, "not decided")):
+        directory = search_in(tmp_path / f"{best}_{seeds}", [reply(1), reply(best)], seeds=seeds)
+        glance, ends = folder.entry("run", directory).glance, RunView.read(directory).outcome
+        assert glance is not None and ends is not None
+        assert None not in (glance.held_out, glance.human)
+        assert (glance.held_out, glance.human) == (mean(ends.method.held_out), mean(ends.human.held_out))
+        assert glance.word == ends.word == word
 
 
 def test_a_search_that_found_nothing_is_finished_too(tmp_path):

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from ..numbers import number
 from ..stats import mean
 from .charts import TOO_LARGE
-from .verdict import word
 from .view import RunView
 
 CLOSE = 2.5
@@ -53,8 +52,8 @@ def of(run: RunView) -> DotPlot | None:
     The bar is the interval that the verdict goes by: it allows for all that was tried. Intervals of each reward's own
     mean would not, and two of them may overlap where the difference is sure.
     """
-    said, ended = word(run), run.outcome
-    if not said or ended is None:
+    ended = run.outcome
+    if ended is None or not ended.word:
         return None
     arms = {"generated": ended.method.scores, "human": ended.human.scores}
     means = {name: mean(scores) or 0.0 for name, scores in arms.items()}
@@ -73,7 +72,7 @@ def of(run: RunView) -> DotPlot | None:
     )
     bar = (place(ends[0]), place(ends[1])) if ends else None
     ticks = tuple((place(value), number(value)) for value in _ticks(low, high))
-    return DotPlot(word=said, rows=(own, other), bar=bar, ticks=ticks)
+    return DotPlot(word=ended.word, rows=(own, other), bar=bar, ticks=ticks)
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:

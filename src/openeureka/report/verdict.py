@@ -134,7 +134,7 @@ def _of_search(run: RunView) -> str:
         lost = "of the human reward's, none left a policy that could be scored"
         without = lost if human.held_out else "there is no human reward to compare with"
         return f"The generated reward reaches F {_arm(generated)}, held out; {without}."
-    if _same(generated, human):
+    if outcome.same:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_arm(generated)} against {_arm(human)}, held out"
     found = outcome.difference
@@ -144,22 +144,6 @@ def _of_search(run: RunView) -> str:
         return f"Not decided: {between}. {_one_seed(generated, human)}"
     told = decided(found, "The generated reward is {} than the human one", between)
     return told if found.sure else f"{told} {_needed(found)}"
-
-
-def word(run: RunView) -> str:
-    """What is decided between the generated reward and the human one; empty where the verdict compares no scores."""
-    ended = run.outcome
-    if ended is None or limits_reason(run) or not (ended.method.scores and ended.human.scores):
-        return ""
-    found = ended.difference
-    if found is None or not found.sure:
-        return "no difference" if _same(ended.method, ended.human) else "not decided"
-    return "better" if found.value > 0 else "worse"
-
-
-def _same(own: Arm, other: Arm) -> bool:
-    """Whether both have one and the same score with every seed."""
-    return len({*own.held_out, *other.held_out}) == 1 and min(len(own.scores), len(other.scores)) > 1
 
 
 def limits_reason(run: RunView) -> str:

@@ -74,6 +74,7 @@ SELECT
     ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     (SELECT COUNT(*) FROM ended) AS ended,
+    (SELECT word FROM ended) AS word,
     (SELECT COUNT(*) FROM results) AS trainings,
     COALESCE(
         (SELECT AVG(fitness) FROM judged

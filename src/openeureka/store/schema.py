@@ -209,12 +209,15 @@ _LOST = _of_scores("lost INTEGER NOT NULL DEFAULT 0;  -- episodes, as the physic
 
 _NOISY = _of_scores("noisy INTEGER NOT NULL DEFAULT 0;  -- whether actions had the noise of training")
 
+_WORD = "ALTER TABLE ended ADD COLUMN word TEXT;  -- what a search decided; NULL: nobody kept it\n"
+
 MIGRATIONS: dict[int, str] = {
     11: _TABLES,
     12: _SCREENS + _immutable("screens"),
     13: _ENDED + _immutable("ended"),
     14: _LOST,
     15: _NOISY,
+    16: _WORD,
 }
 """By the schema that it leads to: a script that brings a file there from the one before; the first begins with none.
 Published scripts are never edited, only followed by new ones."""

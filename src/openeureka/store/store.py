@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from filelock import FileLock
 
-from ..codec import decode, encode
+from ..codec import decode, encode, shaped
 from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig
 from ..errors import ConfigError, NotBegun, StoreError
 from ..parsing import restored, short_path
@@ -33,6 +33,7 @@ from ..types import (
     Sample,
     Scored,
     TrainingResult,
+    Word,
 )
 from ..version import __version__
 from . import artifacts, summary
@@ -254,6 +255,7 @@ class Store:
             held_out=row["held_out"],
             human=row["human"],
             usage=decode_usage(row),
+            word=self._database.decoded(shaped, Word, row["word"] or ""),
         )
 
     def _lawful(self) -> float | None:
@@ -301,10 +303,10 @@ class Store:
         """Whether nothing is left of the search but reports."""
         return self._database.row("ended") is not None
 
-    def end(self) -> None:
-        """Keep that nothing is left of the search but reports; once more is nothing."""
+    def end(self, word: Word = "") -> None:
+        """Keep that nothing is left of the search but reports, and what it decided; once more is nothing."""
         if not self.ended:
-            self._database.put("ended", {"id": 1})
+            self._database.put("ended", {"id": 1, "word": word})
 
     # --- robust ------------------------------------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ from .search import (
     Sample,
     Scored,
     Screened,
+    Word,
 )
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
@@ -117,6 +118,7 @@ __all__ = [
     "Usage",
     "Verdict",
     "VerdictCode",
+    "Word",
     "lane_id",
     "of_components",
 ]

@@ -14,6 +14,8 @@ from .training import Evaluation, Limits, TrainingResult, TrainingState
 
 Ranks = Literal["played", "training"]
 """By which F candidates are ranked: that of their policies when played, or its maximum over training."""
+Word = Literal["", "better", "worse", "not decided", "no difference"]
+"""What a search decided of its reward beside the human one; empty where there are no scores to compare."""
 
 
 class Place(NamedTuple):
@@ -276,3 +278,5 @@ class Glance:
     human: float | None
     """The same of the human reward, where the run trained it."""
     usage: Usage
+    word: Word = ""
+    """What a search that is over decided; empty in what an older version left."""
