@@ -145,9 +145,23 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
     return [_row(one) for one in records]
 
 
-def _row(one: Record) -> tuple[str, ...]:
+def summary(records: list[Record]) -> str:
+    """In how many searches a later generation played better than the first."""
+    better = sum(later["fitness"] > first["fitness"] for first, later in map(_leading, records))
+    return (
+        f"In {better} of {len(records)} searches a later reward plays better than the best of the first generation. "
+        "Fresh seeds need not confirm it."
+    )
+
+
+def _leading(one: Record) -> tuple[Record, Record]:
+    """What played best of the first generation, and of the later ones."""
     first, *others = scored(one["best"])
-    later = max(others, key=lambda score: score["fitness"])
+    return first, max(others, key=lambda score: score["fitness"])
+
+
+def _row(one: Record) -> tuple[str, ...]:
+    first, later = _leading(one)
     error = math.hypot(first["error"] or 0.0, later["error"] or 0.0)  # none where all episodes come to the same
     apart = f"{(later['fitness'] - first['fitness']) / error:+.1f}" if error else "-"
     played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]

@@ -23,6 +23,7 @@ from records import OUTPUTS, Record, command_line, machine, read, results, thinn
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
+from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.trainers import trainer_of
 from openeureka.stats import mean
@@ -83,6 +84,34 @@ def from_scratch(config: TrainConfig) -> dict[str, Record]:
 
 
 PARTS = {("pre_trained", "fine_tuned"): through_the_curriculum, ("scratch",): from_scratch}
+
+
+CALLED = {"pre_trained": "pre-trained on random goals", "fine_tuned": "fine-tuned", "scratch": "from scratch"}
+TITLES = ("policy", "cycles an episode, held out", "waypoints an episode in training, best")
+
+
+def rows(found: Record) -> list[tuple[str, str, str]]:
+    """A row a policy; the goals of the first stage are no waypoints."""
+    return [
+        (name, number(found["arms"][key]["cycles"], 2), _best(found["arms"][key]) if key != "pre_trained" else "-")
+        for key, name in CALLED.items()
+        if key in found["arms"]
+    ]
+
+
+def _best(own: Record) -> str:
+    """The highest F of an epoch, mean over seeds."""
+    curves = [lane["curves"]["fitness"] for lane in own["lanes"].values()]
+    return number(mean([max((value for value in curve if value is not None), default=None) for curve in curves]), 2)
+
+
+def summary(found: Record) -> str:
+    """Whether the curriculum is worth its first stage."""
+    tuned, scratch = (found["arms"][key]["cycles"] for key in ("fine_tuned", "scratch"))
+    return (
+        f"{'It does' if tuned > scratch else 'Not'} with {found['env_steps']:,} steps: after both stages the pen spins "
+        f"{number(tuned, 2)} times an episode, from scratch {number(scratch, 2)} times."
+    )
 
 
 def called(reward: str) -> str:

@@ -11,6 +11,7 @@ its top. Lanes of generated rewards, of all runs of a task, stand together; equa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 
 from records import Record, command_line, correlation, interval, joined, read, results, rounded, show, write
@@ -18,7 +19,7 @@ from records import Record, command_line, correlation, interval, joined, read, r
 import openeureka
 from openeureka.numbers import number
 from openeureka.score import rank
-from openeureka.stats import estimate
+from openeureka.stats import Estimate, estimate
 
 RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
@@ -111,6 +112,17 @@ def signals(study: Mapping[str, Record]) -> list[list[str]]:
     ]
 
 
+def summary(study: Mapping[str, Record]) -> str:
+    """Whether F tells how a training ends, before it does."""
+    found = [[correlation(*_columns(task, FITNESS, place)) for task in study.values()] for place in PLACES]
+    sure = [place for place in PLACES if (over := _mean(found[place])) is not None and over.sure]
+    place = sure[0] if sure else PLACES[-1]
+    return (
+        f"{'Something' if sure else 'Nothing for sure'}, over {len(study)} tasks. After {Fraction(SHARES[place])} of a "
+        f"training the rank correlation of F is {_over(found[place])}."
+    )
+
+
 def tasks(study: Mapping[str, Record]) -> list[list[str]]:
     """Of each task and share: rank correlation of F in the window with worth, and the place of the best lane by it."""
     return [
@@ -134,9 +146,14 @@ def _columns(task: Record, title: str, place: int) -> tuple[list[float], list[fl
     return [rank(lane["signals"][title][place]) for lane in lanes], [lane["played"] for lane in lanes]
 
 
+def _mean(found: Sequence[float | None]) -> Estimate | None:
+    """Over tasks. A signal that is the same for all lanes of a task tells nothing of it: 0."""
+    return estimate([value or 0.0 for value in found])
+
+
 def _over(found: Sequence[float | None]) -> str:
-    """Mean and interval. A signal that is the same for all lanes of a task tells nothing of it: 0."""
-    over = estimate([value or 0.0 for value in found])
+    """Mean and interval."""
+    over = _mean(found)
     if over is None or over.low is None or over.high is None:
         return number(over.value if over is not None else None, 2)
     return interval(over.value, over.low, over.high, digits=2)

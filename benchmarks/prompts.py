@@ -12,15 +12,16 @@ counts is F of the last policy when it plays.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from statistics import stdev
 
 import rungs
 from ledger import differing, whole
 from records import FOLDER, Record, command_line, machine, read, results, write
+from scipy.stats import ttest_ind
 
 from openeureka.numbers import number
-from openeureka.stats import mean
+from openeureka.stats import CONFIDENCE, mean
 from openeureka.types import RewardProgram, lane_id
 
 REPLIES = FOLDER / "prompts"
@@ -86,13 +87,10 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """A row a task and advice: F over its rewards, each the mean over its seeds; the error is that over rewards."""
     found = []
     for env, own in study.items():
-        lanes: dict[str, list[float]] = {}
-        for lane, one in own["lanes"].items():
-            if one["fitness"] is not None:
-                lanes.setdefault(lane.rpartition("-s")[0], []).append(one["fitness"])
+        lanes = _lanes(own)
         older = [lane.rpartition("-s")[0] for lane in own["lanes"].keys() - current(env, own).keys()]
         for advice, ids in own["rewards"].items():
-            scores = [mean(lanes[key]) or 0.0 for key in ids if key in lanes]
+            scores = _scores(lanes, ids)
             error = stdev(scores) / len(scores) ** 0.5
             trainings = str(sum(len(lanes.get(key, ())) for key in ids))
             if before := sum(reward in ids for reward in older):
@@ -100,6 +98,34 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
             cells = (f"{number(mean(scores))} ± {number(error, 2)}", number(max(scores)), number(mean(lanes["human"])))
             found.append((env, advice, str(len(ids)), trainings, *cells))
     return found
+
+
+def summary(study: Mapping[str, Record]) -> str:
+    """Whether advice makes a difference on any task, and how large it is beside its error (Student's test)."""
+    told, sure = "", False
+    for env, own in study.items():
+        lanes = _lanes(own)
+        found = ttest_ind(*(_scores(lanes, ids) for ids in own["rewards"].values()))
+        sure = sure or found.pvalue < 1 - CONFIDENCE
+        told += (
+            f" On {env} the difference is {abs(found.statistic):.1f} times its own error, and chance makes such a one "
+            f"in {100 * found.pvalue:.0f} % of cases."
+        )
+    return f"{'It is decided on a task' if sure else 'It is not decided'}.{told}"
+
+
+def _lanes(own: Record) -> dict[str, list[float]]:
+    """F of every seed by reward."""
+    found: dict[str, list[float]] = {}
+    for lane, one in own["lanes"].items():
+        if one["fitness"] is not None:
+            found.setdefault(lane.rpartition("-s")[0], []).append(one["fitness"])
+    return found
+
+
+def _scores(lanes: Mapping[str, list[float]], rewards: Iterable[str]) -> list[float]:
+    """F of each reward that trained, mean over its seeds."""
+    return [mean(lanes[reward]) or 0.0 for reward in rewards if reward in lanes]
 
 
 if __name__ == "__main__":

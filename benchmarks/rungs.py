@@ -196,6 +196,7 @@ def measure(
 # --- what it says ----------------------------------------------------------------------------------------------------
 
 SOON = ("task", "worlds x horizon, steps", "seeds", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
+FRESH = "fresh seeds"
 TELLING = ("task", "worlds x horizon, steps", "ends as", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
 
 
@@ -214,12 +215,27 @@ def telling(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     return [(*names, *(number(cell, 2) for cell in cells)) for *names, cells in correlations(study)]
 
 
+def summary(study: Mapping[str, Record]) -> str:
+    """How high the rank correlations with the ends of other seeds come."""
+    fresh = [cells for _, _, title, cells in correlations(study) if title == FRESH]
+
+    def most(rungs: Iterable[int]) -> str:
+        return number(max(rank(cells[rung]) for cells in fresh for rung in rungs), 2)
+
+    whole = [rank(cells[-1]) for cells in fresh]
+    return (
+        f"The rank correlation with the ends of other seeds is {most((0, 1))} at most for the first two rungs, "
+        f"{most(range(2, len(RUNGS) - 1))} at most for the later ones, {number(min(whole), 2)} to "
+        f"{number(max(whole), 2)} for whole trainings."
+    )
+
+
 def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, str, list[float | None]]]:
     """Two rows a task: rank correlation of what lanes play at a rung with what they play at the end, and with what
     other seeds of the same rewards play at the end; mean over seeds."""
     rows = []
     for env, name, scores in studied(study):
-        for title, fresh in (("same lane", False), ("fresh seeds", True)):
+        for title, fresh in (("same lane", False), (FRESH, True)):
             cells = [
                 mean([_tells(scores, seed, rung, fresh) for seed in common_seeds(scores)]) for rung in range(len(RUNGS))
             ]
