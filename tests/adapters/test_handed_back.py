@@ -122,7 +122,7 @@ def with_square(text: str) -> str:
     """A drafted file in which somebody adds the variable that it proposes."""
     table = "spec = StateSpec(\n        ("
     assert table in text and '# state["squared"]' in text
-    added = f'{table}StateVar(name="squared", meaning="of the first"),'
+    added = f'{table}StateVar("squared", "of the first"),'
     return text.replace('# state["squared"]', 'state["squared"]').replace(table, added)
 
 
@@ -173,7 +173,11 @@ def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden
 @pytest.mark.parametrize(
     "old, new, said",
     [
-        ('name="pole_angle"', 'name="lean"', "`places` has `pole_angle`, and `spec` has not; rename it in both"),
+        (
+            'StateVar("pole_angle"',
+            'StateVar("lean"',
+            "`places` has `pole_angle`, and `spec` has not; rename it in both",
+        ),
         (
             "slice(2, 3)",
             '"lean"',
