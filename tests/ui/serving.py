@@ -22,10 +22,10 @@ def stranger(root: Path) -> TestClient:
 
 
 def visitor(root: Path) -> TestClient:
-    """Has opened the address with the token, and sends forms from the page itself."""
+    """Has opened the address with the token, and asks from the page itself."""
     client = stranger(root)
     client.auth = (guard.USER, TOKEN)
-    client.headers["Origin"] = "http://127.0.0.1:8080"
+    client.headers |= {"Origin": "http://127.0.0.1:8080", "Referer": "http://127.0.0.1:8080/"}
     return client
 
 

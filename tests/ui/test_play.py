@@ -78,16 +78,31 @@ def test_only_who_has_the_token_plays_and_only_with_numbers_in_bounds(run: Path)
         assert client.post(address, data=form).status_code == 400
 
 
-@pytest.mark.parametrize("site", ["cross-site", "same-site"])
-def test_no_link_of_another_site_makes_a_policy_play(run: Path, monkeypatch: pytest.MonkeyPatch, site: str):
+NAVIGATED = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Sec-Fetch-Site": "same-origin"}, 200),
+        ({"Sec-Fetch-Site": "cross-site", **NAVIGATED}, 403),
+        ({"Sec-Fetch-Site": "same-site", **NAVIGATED}, 403),
+        # Browsers send none of these to an address of the network.
+        ({"Referer": "http://127.0.0.1:8080/runs/run/candidates"}, 200),
+        ({"Referer": "http://evil.example/http://127.0.0.1:8080/"}, 403),
+        ({"Referer": "http://127.0.0.1:8081/"}, 403),
+        ({"Referer": "http://["}, 403),
+        ({"Referer": ""}, 403),
+    ],
+)
+def test_the_page_itself_makes_a_policy_play_and_no_link_of_another_site(
+    run: Path, monkeypatch: pytest.MonkeyPatch, headers: dict[str, str], status: int
+):
     async def nothing(self: play.Players, *_: object) -> AsyncIterator[str]:
         yield ""
 
     monkeypatch.setattr(play.Players, "events", nothing)
-    client, address = visitor(run.parent), "/runs/run/play/g0s0"
-    linked = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
-    assert client.get(address, headers=linked).status_code == 403
-    assert client.get(address, headers={"Sec-Fetch-Site": "same-origin"}).status_code == 200
+    assert visitor(run.parent).get("/runs/run/play/g0s0", headers=headers).status_code == status
 
 
 def test_a_task_that_is_not_installed_is_never_imported_to_be_played(tmp_path: Path):

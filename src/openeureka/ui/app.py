@@ -186,7 +186,7 @@ class Pages:
             except EurekaError as error:
                 return PlainTextResponse(str(error), 400)
             return Response(status_code=204 if heard else 409)
-        if guard.by_another_site(request):  # a link would start a process, and end one that somebody watches
+        if not guard.by_our_page(request):  # a link would start a process, and end one that somebody watches
             raise HTTPException(403, guard.OURS_ALONE)
         try:
             view = self._view(name, directory, folder.fingerprint(directory))

@@ -101,6 +101,18 @@ def by_another_site(request: Request) -> bool:
     return request.headers.get("sec-fetch-site") in ("cross-site", "same-site")
 
 
+def by_our_page(request: Request) -> bool:
+    """Whether a page of this server made the browser ask for this.
+
+    Browsers say so to loopback and over https alone. Elsewhere it is for the `Referer`, which no page can forge, and
+    which our own send to us (`Referrer-Policy`).
+    """
+    site = request.headers.get("sec-fetch-site")
+    if site is not None:
+        return site == "same-origin"
+    return request.headers.get("referer", "").split("/")[2:3] == [request.headers.get("host")]
+
+
 def _as_a_page(request: Request) -> bool:
     """Whether it is to fill a tab. A frame is navigated too; browsers of before 2020 do not tell the two apart."""
     headers = request.headers
