@@ -277,6 +277,7 @@ def test_a_strangers_package_is_imported_first():
         ("gym:Hopper-v5+substeps=2", "set what its constructor takes, such as frame_skip=2."),
         ("gym:Hopper-v5+num_actions=4", "decides `num_actions`; set"),
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
+        ("gym:CartPole-v1+episode_length=" + "1" * 5000, "is a number of steps, not `1111"),
         (
             "gym:CartPole-v1+fitness=cart_speed",
             "names `cart_speed`, which random play did not show. It showed ",

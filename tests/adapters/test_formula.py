@@ -44,6 +44,23 @@ def test_a_name_that_is_not_there_is_told_with_the_one_that_may_be_meant(text: s
         formula(text, SHAPES)
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("-" * 1990 + "speed", "nested too deeply; write fewer than 200 operations in a row"),
+        ("+".join(["speed"] * 201), "nested too deeply"),
+        ("-" * 2000 + "speed", "too long; write at most 2000 characters"),
+        ("place[0x" + "f" * 1990 + "]", "so no column 1"),
+        ("speed + 0x" + "f" * 1980, "a number beyond"),
+    ],
+)
+def test_an_expression_without_end_is_one_sentence(text: str, why: str):
+    with pytest.raises(TaskError, match=why):
+        formula(text, SHAPES)
+    function, _ = formula("+".join(["speed"] * 200), SHAPES)
+    assert function(VALUES).tolist() == [400.0, -200.0]
+
+
 REFUSED = """
 speed.real | speed() | [speed] | lambda: speed | speed if speed else 1 | place | place[9] | place[-1] | sped | 1 | 'a'
 abs(speed, speed) | speed and speed | speed = 1 | open(speed) | speed @ speed | ((((speed

@@ -31,6 +31,10 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": torch.maximum,
 }
 _LARGEST = torch.finfo(torch.float32).max
+_LONGEST = 2000
+"""Characters: a whole number of more could not be told."""
+_DEEPEST = 200
+"""Operations inside each other, as each of a sum's is; each costs a level of Python's own stack."""
 Values = Mapping[str, Tensor]
 Formula = Callable[[Values], Tensor]
 
@@ -58,12 +62,22 @@ def named(text: str) -> frozenset[str]:
 
 
 def _parsed(text: str) -> ast.expr:
+    if len(text) > _LONGEST:
+        raise TaskError(f"The fitness `{text:.80}` is too long; write at most {_LONGEST} characters.")
     try:
-        return ast.parse(text, mode="eval").body
+        tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise TaskError(
             f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
         ) from None
+    level: list[ast.expr] = [tree]
+    for _ in range(_DEEPEST):
+        level = [inner for node in level for inner in ast.iter_child_nodes(node) if isinstance(inner, ast.expr)]
+    if level:
+        raise TaskError(
+            f"The fitness `{text:.80}` is nested too deeply; write fewer than {_DEEPEST} operations in a row."
+        )
+    return tree
 
 
 def _names(tree: ast.expr) -> frozenset[str]:

@@ -67,8 +67,8 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
         keywords, left = dealt(settings, _parameters(name))
     steps = left.pop("episode_length", "")
     if steps:
-        if not steps.isdecimal() or int(steps) < 1:
-            raise TaskError(f"`episode_length` of {name} is a number of steps, not `{steps}`.")
+        if not re.fullmatch(r"[1-9][0-9]{0,8}", steps):
+            raise TaskError(f"`episode_length` of {name} is a number of steps, not `{steps:.40}`.")
         keywords["max_episode_steps"] = int(steps)
     return _task(env, name, json.dumps(keywords), settings.get("fitness", "")), left
 
