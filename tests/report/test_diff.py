@@ -26,4 +26,6 @@ def test_an_equal_program_has_no_difference_and_a_first_one_no_parent():
 
 
 def test_a_program_too_long_to_compare_is_left_alone():
-    assert changed("a", "\n".join("abcdefgh" * 5000)) == []
+    assert changed("a", "abcdefgh" * 5001) == []
+    assert changed("a", "a\n" * 501) == []
+    assert changed("a", "a\n" * 500)[0] == ("place", "@@ -1 +1,500 @@")

@@ -7,6 +7,7 @@ import itertools
 import pytest
 import torch
 
+from openeureka.reward import form as forms
 from openeureka.reward import graph
 from openeureka.reward.form import form
 from openeureka.reward.validate import validate
@@ -61,6 +62,16 @@ def test_a_sum_that_doubles_itself_is_cheap() -> None:
     start = [Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0))]
     doubled = [Node("add.Tensor", ({"ref": index}, {"ref": index})) for index in range(1, 1900)]
     assert form(RewardGraph(nodes=(*start, *doubled), reward=1900, components=()))
+
+
+def test_a_sum_is_spelled_once_whoever_refers_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    spelled: list[dict[str, float]] = []
+    of = forms._digest
+    monkeypatch.setattr(forms, "_digest", lambda terms: spelled.append(terms) or of(terms))
+    stacked = Node("stack.default", (({"ref": 1},) * 1000, 0))
+    nodes = (Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0)), stacked)
+    assert form(RewardGraph(nodes=nodes, reward=2, components=()))
+    assert len(spelled) == 3
 
 
 def test_the_number_of_worlds_is_a_term_like_another() -> None:

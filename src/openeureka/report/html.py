@@ -43,6 +43,8 @@ CONTEXT = 3
 """Unchanged lines shown around a change."""
 MAX_CHARACTERS = 40_000
 """A longer program was refused for its size; comparing it would take minutes."""
+MAX_LINES = 500
+"""Of a program that is compared: so would many lines that are alike."""
 STYLE = ("vendor/pico.min.css", "vendor/uPlot.min.css", "page.css")
 SCRIPT = ("vendor/uPlot.iife.min.js", "page.js")
 """Files that every page shares, the report too."""
@@ -225,5 +227,8 @@ def changes(candidate: CandidateView) -> tuple[Line, ...]:
     own, parent = candidate.program, candidate.parent.candidate if candidate.parent else None
     if own is None or parent is None or max(len(own.source), len(parent.source)) > MAX_CHARACTERS:
         return ()
-    lines = difflib.unified_diff(parent.source.splitlines(), own.source.splitlines(), n=CONTEXT, lineterm="")
+    before, after = parent.source.splitlines(), own.source.splitlines()
+    if max(len(before), len(after)) > MAX_LINES:
+        return ()
+    lines = difflib.unified_diff(before, after, n=CONTEXT, lineterm="")
     return tuple(Line(_KINDS[line[0]], line) for line in lines)[2:]  # without the names of files

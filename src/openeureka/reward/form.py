@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import cast
 
 from ..types import PROGRESS, Arg, Node, Part, RewardGraph
@@ -24,15 +25,20 @@ def form(graph: RewardGraph) -> str:
     It knows sums, differences and weights. What else is algebraically equal, such as x * x and x ** 2, stays apart.
     """
     done: list[Terms] = []
+
+    @cache  # many may refer to one long sum
+    def digest(index: int) -> str:
+        return _digest(done[index])
+
     for node in graph.nodes:
-        done.append(_terms(node, done))
-    progress = [_digest(done[index]) for name, index in graph.components if name.startswith(PROGRESS)]
+        done.append(_terms(node, done, digest))
+    progress = [digest(index) for name, index in graph.components if name.startswith(PROGRESS)]
     reward = _digest({name: weight for name, weight in done[graph.reward].items() if name != _ZERO})
     return _short([reward, *progress]) if progress else reward  # with bonus=progress they pay, in the total or not
 
 
-def _terms(node: Node, done: Sequence[Terms]) -> Terms:
-    """A node's value, from those before it."""
+def _terms(node: Node, done: Sequence[Terms], digest: Callable[[int], str]) -> Terms:
+    """A node's value, from those before it and their digests."""
     name = node.op.partition(".")[0]
     if name == "zeros_like":
         return {_ZERO: 1.0}  # kept inside other operations: there its shape may count
@@ -50,10 +56,10 @@ def _terms(node: Node, done: Sequence[Terms]) -> Terms:
         weight = node.args[1]
         if isinstance(weight, int | float) and weight:
             return _sum({}, _sides(node, done)[0], weight if name == "mul" else 1 / weight)
-    args = [_spelled(arg, done) for arg in node.args]
+    args = [_spelled(arg, digest) for arg in node.args]
     if node.op in _EITHER_WAY:
         args.sort()
-    named = sorted((key, _spelled(arg, done)) for key, arg in node.kwargs.items())
+    named = sorted((key, _spelled(arg, digest)) for key, arg in node.kwargs.items())
     return {_short((node.op, args, named)): 1.0}
 
 
@@ -74,9 +80,9 @@ def _sum(own: Terms, other: Terms, weight: float) -> Terms:
     return {name: value for name, value in total.items() if value}
 
 
-def _spelled(arg: Arg, done: Sequence[Terms]) -> str:
+def _spelled(arg: Arg, digest: Callable[[int], str]) -> str:
     def part(value: Part) -> str:
-        return _digest(done[value["ref"]]) if isinstance(value, Mapping) and "ref" in value else repr(value)
+        return digest(value["ref"]) if isinstance(value, Mapping) and "ref" in value else repr(value)
 
     return repr([part(value) for value in arg]) if isinstance(arg, tuple) else part(arg)
 
