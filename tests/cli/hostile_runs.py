@@ -221,6 +221,14 @@ CASES = (
     HostileRun("search-module", settings(search="task:Search"), _TYPED),
     HostileRun("executor-module", settings(executor="task:Executor"), _TYPED),
     HostileRun("task-in-curriculum", settings(curriculum="{folder}/stages.yaml"), _TYPED),
+    *(
+        HostileRun(f"{name}-without-end", settings(env=env), verbs=("show", "page"))
+        for name, env in (
+            ("fitness", f"gym:CartPole-v1+fitness={'-' * 2000}x"),
+            ("step", f"cartpole+control_dt={'1' * 400}"),
+            ("episode", f"cartpole+episode_length={'1' * 400}"),
+        )
+    ),
     HostileRun("first-reward", settings(init="{folder}/secret.txt"), _TYPED, verbs=_ONLY),
     HostileRun("price", settings(price="0,0", max_cost=1.0), _TYPED, verbs=_ONLY),
     HostileRun("no-sandbox", settings(unsafe_no_sandbox=True)),

@@ -115,7 +115,7 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
             raise TaskError(f"`{task.env}` has no `{name}` to set.{nearest(name, known)} It has {', '.join(known)}.")
         value = literal(text)
         kind = type(known[name])
-        values[name] = float(value) if kind is float and type(value) is int else value
+        values[name] = float(text) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:
             raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
         if name in POSITIVE and not values[name] > 0:  # type: ignore[operator]
