@@ -1,5 +1,3 @@
-import json
-
 import pytest
 
 from openeureka.config import RunConfig
@@ -72,19 +70,6 @@ def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_pa
     found = now.read(tmp_path)
     assert found is not None
     assert (found.at_epochs, set(found.curves)) == ((0,), {"second"})
-
-
-def test_the_file_of_a_run_of_before_is_read(tmp_path):
-    said = {
-        "doing": "x",
-        "seconds": 1.0,
-        "left": None,
-        "places": [3],
-        "curves": {"a": {"reward": [1]}},
-    }
-    (tmp_path / NOW).write_text(json.dumps(said))
-    found = now.read(tmp_path)
-    assert found is not None and found.at_epochs == (3,)
 
 
 @pytest.mark.parametrize(

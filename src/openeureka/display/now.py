@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..codec import DecodeError, decode, defined, encode, shaped
+from ..codec import DecodeError, decode, defined, encode
 from ..config import RunConfig
 from ..errors import StoreError
 from ..events import Asked, Began, Event, Replied
@@ -26,8 +26,6 @@ PAUSE = 2.0
 """[s] between two writings while a training goes on."""
 MOST = 80
 """Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
-AT_EPOCHS = "places"
-"""The file's word for `at_epochs`: a run and the page that reads it may be of different versions."""
 
 Curves = Mapping[Name, tuple[Finite | None, ...]]
 
@@ -61,8 +59,7 @@ def read(directory: Path) -> Now | None:
         data = artifacts.read(directory, NOW)
         if data is None:
             return None
-        said = decode(dict[str, object], data)
-        return shaped(Now, {**said, "at_epochs": said.get(AT_EPOCHS, ())})
+        return decode(Now, data)
     except (DecodeError, StoreError):
         return None
 
@@ -147,7 +144,5 @@ class Recorder:
                 for lane, curves in self._curves.items()
             },
         )
-        said = defined(now)
-        said[AT_EPOCHS] = said.pop("at_epochs")
         with suppress(StoreError):
-            artifacts.write(self._directory, NOW, encode(said))
+            artifacts.write(self._directory, NOW, encode(defined(now)))
