@@ -84,8 +84,7 @@ def decode_lane(row: Mapping[str, Any]) -> Lane:
 class _File:
     """What a row says of a policy."""
 
-    sha256: str = ""
-    """Empty where an older version kept none."""
+    sha256: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +113,11 @@ def digest(policy: bytes) -> str:
 
 def damaged(policy: bytes | None, wanted: str) -> bool:
     """Whether a policy's file is missing, or not what `decode_digest` says was written."""
-    return not policy or (bool(wanted) and digest(policy) != wanted)
+    return not policy or digest(policy) != wanted
 
 
 def decode_digest(text: str | bytes, peak: Peak) -> str | None:
-    """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
+    """The digest of one of a result's policies; None where it has none."""
     file: _File | None = getattr(decode(_Files, text), policy_name(peak))
     return file.sha256 if file is not None else None
 
