@@ -26,21 +26,16 @@ class Difference:
     """Where a contact begins on one device and not quite on the other, this has no bound."""
 
 
-def compare(
-    env: str, device: str, steps: int = 50, *, worlds: int = 8, reference: str = "cpu", round_friction: bool = True
-) -> list[Difference]:
+def compare(env: str, device: str, steps: int = 50, *, worlds: int = 8) -> list[Difference]:
     """Differences of every per-world state variable after each of `steps` control steps of random play, largest first.
 
-    Before each step the second simulation takes over the state of the first, for contacts amplify rounding a
-    thousandfold within ten steps.
-
-    Args:
-        round_friction: simulate with elliptic friction cones. The pyramids that tasks use depend on the two tangents
-            of a contact, which are arbitrary; for a capsule that stands steeply on a plane, mujoco_warp 4.0 takes
-            others than MuJoCo.
+    The CPU is the reference. Before each step the other simulation takes over its state, for contacts amplify rounding
+    a thousandfold within ten steps. Friction cones are elliptic: the pyramids that tasks use depend on the two tangents
+    of a contact, which are arbitrary; for a capsule that stands steeply on a plane, mujoco_warp 4.0 takes others than
+    MuJoCo.
     """
-    task = _with_round_friction(get(env)) if round_friction else get(env)
-    first, second = (BatchedEnv(task, worlds=worlds, device=name, threads=1) for name in (reference, device))
+    task = _with_round_friction(get(env))
+    first, second = (BatchedEnv(task, worlds=worlds, device=name, threads=1) for name in ("cpu", device))
     names = task.spec.per_world
     found: dict[str, list[Tensor]] = {name: [] for name in names}
 
