@@ -147,40 +147,36 @@ def run(
     configs = {cell: compose.admitted(plan.config(cell), plan.typed(cell)) for cell in plan.cells()}
     _expect_room(directory)
     _expect_as_begun(directory, configs)
-    try:
-        _cells(plan, directory, configs, host, tell, say)
-    except KeyboardInterrupt:  # between two searches
-        raise Interrupted(stopped(host.again(directory))) from None
-
-
-def _cells(
-    plan: Plan,
-    directory: Path,
-    configs: Mapping[Cell, RunConfig],
-    host: compose.Host,
-    tell: Callable[[Bench], object],
-    say: Callable[[str], object],
-) -> None:
     failures: dict[str, EurekaError] = {}
     results = {cell: _read(cell, directory / cell.name, failures) for cell in configs}
     known = _begun(directory)
     missing = {cell.name: _conditions(config) for cell, config in configs.items() if results[cell] is None}
     begun = {cell.name: known[cell.name] for cell in configs if cell.name in known} | missing
-    _renew(plan, directory, results, failures, begun, tell)
-    for number, (cell, config) in enumerate(configs.items(), start=1):
-        place = directory / cell.name
-        if results[cell] is not None and artifacts.exists(place, "report.html"):
-            continue
-        say(f"\nCell {number} of {len(configs)}: {cell.name}")
-        try:
-            _finish(config, place, host, say, searched=results[cell] is not None)
-        except Interrupted:
-            raise
-        except EurekaError as error:
-            failures[cell.name] = error
-            say(f"{cell.name} failed: {error}")
-        results[cell] = _read(cell, place, failures)
-        _renew(plan, directory, results, failures, begun, tell)
+
+    def renew() -> None:
+        finished = tuple(result for result in results.values() if result is not None)
+        now = Bench(directory, Comparison(plan, finished), dict(failures), begun)
+        now.write()
+        tell(now)
+
+    try:
+        renew()
+        for number, (cell, config) in enumerate(configs.items(), start=1):
+            place = directory / cell.name
+            if results[cell] is not None and artifacts.exists(place, "report.html"):
+                continue
+            say(f"\nCell {number} of {len(configs)}: {cell.name}")
+            try:
+                _finish(config, place, host, say, searched=results[cell] is not None)
+            except Interrupted:
+                raise
+            except EurekaError as error:
+                failures[cell.name] = error
+                say(f"{cell.name} failed: {error}")
+            results[cell] = _read(cell, place, failures)
+            renew()
+    except KeyboardInterrupt:  # between two searches
+        raise Interrupted(stopped(host.again(directory))) from None
 
 
 def _conditions(config: RunConfig) -> Mapping[str, Any]:
@@ -235,17 +231,3 @@ def _expect_as_begun(directory: Path, configs: Mapping[Cell, RunConfig]) -> None
             expect_same(place, old, compose.as_begun(config, old))
         except StoreError as error:
             raise StoreError(f"{error} To begin this cell anew, delete its folder.") from None
-
-
-def _renew(
-    plan: Plan,
-    directory: Path,
-    results: Mapping[Cell, figures.Result | None],
-    failures: Mapping[str, EurekaError],
-    begun: Mapping[str, Mapping[str, Any]],
-    tell: Callable[[Bench], object],
-) -> None:
-    finished = tuple(result for result in results.values() if result is not None)
-    now = Bench(directory, Comparison(plan, finished), dict(failures), begun)
-    now.write()
-    tell(now)
