@@ -170,7 +170,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
     """Of each page what stands between `<!-- NAME -->` and `<!-- /NAME -->`."""
     return {
         "README.md": {
-            "found": f"{found.markdown()}\n\n{make_run.summary()}\n",
+            "found": f"{_rows(found)}\n{make_run.summary()}\n",
             "headline": _rows(headline, headline.endings, ("the generated reward is", "tasks")),
         },
         "CONTRIBUTING.md": {"tree": tree()},
