@@ -22,6 +22,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -156,9 +157,6 @@ def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
         run(config, store, model, ToyChecker(), trainer, TOY, strategy, tell, Person(store))
 
 
-HALVING = replace(CONFIG, iteration=1, schedule="halving")
-
-
 SCREEN = RunConfig(sample=1, iteration=2, screen=3, refill=0, seeds=1)
 SCREENED = [reply(4), *(reply(-3), "nothing", reply(8))]
 
@@ -168,19 +166,6 @@ def whole_screen(directory: Path) -> None:
     with Store.open(directory, SCREEN) as store:
         model, strategy = MeteredModel(SCREENED, store=store), strategies.make(SCREEN)
         run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, tell)
-
-
-POLISH = replace(CONFIG, iteration=1, polish=3)
-
-
-def whole_polishing(directory: Path) -> None:
-    """One generation of a search, the policy of which is carried on."""
-    whole_run(directory, POLISH)
-
-
-def whole_halving(directory: Path) -> None:
-    """One generation of a search that cuts lanes."""
-    whole_run(directory, HALVING)
 
 
 GIVEN = replace(CONFIG, model=NO_MODEL, sample=0, iteration=0, feedback="none")
@@ -208,9 +193,9 @@ def whole_tuning(directory: Path) -> None:
 
 WHOLE: Mapping[str, Callable[[Path], None]] = {
     "search": whole_run,
-    "halving": whole_halving,
+    "halving": partial(whole_run, config=replace(CONFIG, iteration=1, schedule="halving")),
     "screen": whole_screen,
-    "polish": whole_polishing,
+    "polish": partial(whole_run, config=replace(CONFIG, iteration=1, polish=3)),
     "train": whole_training,
     "tune": whole_tuning,
 }
