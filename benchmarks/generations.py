@@ -19,7 +19,7 @@ import math
 import re
 from pathlib import Path
 
-from fresh import held_out, several
+from fresh import several, trained
 from records import FOLDER, Record, command_line, interval, machine, read, results, today, write
 
 import openeureka
@@ -33,8 +33,6 @@ from openeureka.types import Generation
 
 REPLIES = FOLDER / "generations"
 RESULTS = results("generations")
-FIRST = 100
-"""Of the fresh seeds: no search comes near it."""
 TITLES = (
     *("task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones"),
     *("better by its error", "generated, held out", "human, held out", "seeds"),
@@ -92,16 +90,12 @@ def spent(run: openeureka.Run) -> Record:
     return {"all_steps": result.steps, "minutes": round(result.minutes, 1), "device": machine("cpu")["device"]}
 
 
-def fresh(run: openeureka.Run, seeds: int) -> Record:
+def again(run: openeureka.Run, seeds: int) -> Record:
     """Held-out F of the best reward and of the human one, with seeds that no reward was chosen by."""
-    size: Record = {"steps": run.config.steps, "worlds": run.config.worlds, "seed": FIRST, "seeds": seeds}
-    rewards = ["human", run.directory / "best" / "reward.py"]
-    again = openeureka.train(
-        run.config.env, rewards, dir=run.directory.with_name(f"{run.directory.name}_fresh"), **size
-    )
-    scores = held_out(again, seeds)
-    human = scores.pop("human")
-    (generated,) = scores.values()
+    rewards = ["human", str(run.directory / "best" / "reward.py")]
+    human, generated = trained(
+        run.config, rewards, run.directory.with_name(f"{run.directory.name}_fresh"), seeds
+    ).scores
     return {"generated": generated, "human": human}
 
 
@@ -132,12 +126,12 @@ def _gym_row(one: Record) -> tuple[str, ...]:
     return (name, fitness or "return", *size, f"{one['minutes']:.0f}", played, *ends, *_further(one.get("fresh")))
 
 
-def _further(again: Record | None) -> tuple[str, str, str]:
-    if again is None:
+def _further(found: Record | None) -> tuple[str, str, str]:
+    if found is None:
         return "-", "-", "-"
-    apart = difference(again["generated"], again["human"])
+    apart = difference(found["generated"], found["human"])
     assert apart is not None
-    return spread(again["generated"]), spread(again["human"]), interval(apart.value, apart.low, apart.high)
+    return spread(found["generated"]), spread(found["human"]), interval(apart.value, apart.low, apart.high)
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
@@ -189,7 +183,7 @@ if __name__ == "__main__":
     )
     options = parser.parse_args()
     runs = [openeureka.open_run(directory) for directory in options.directories]
-    found = [record(run) | ({"fresh": fresh(run, options.fresh)} if options.fresh else {}) for run in runs]
+    found = [record(run) | ({"fresh": again(run, options.fresh)} if options.fresh else {}) for run in runs]
     write(RESULTS, joined(read(RESULTS), found))
     for run in runs:
         keep_replies(run)
