@@ -28,12 +28,10 @@ from openeureka.method.race import CONTENDERS
 from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
-from openeureka.sandbox.client import Sandbox
+from openeureka.runs.rewards import judge
 from openeureka.score import rank
 from openeureka.stats import mean
 from openeureka.store import Store
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -91,18 +89,13 @@ STANDING = """Which policy should stand for a lane? Held-out F, the mean over al
 def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     """The accepted rewards of the task's replies, and the human one."""
     replies = json.loads((REPLIES / f"{env}.json").read_text())
-    found: dict[str, RewardProgram] = {}
-    with Sandbox(context(env).state, record_states(env)) as checker:
-        for text in replies["replies"]:
-            source = extract.program(text)
-            candidate = Candidate.of(source or "")
-            if store.rewards.verdict(candidate.id) is None:
-                reply = Reply(text=text, model=replies["model"])
-                store.rewards.save_verdict(candidate, checker.check(candidate), reply)
-            verdict = store.rewards.verdict(candidate.id)
-            if verdict is not None and verdict.graph is not None:
-                found[candidate.id] = verdict.graph
-    return [*found.items(), ("human", "human")]
+    texts = {Candidate.of(extract.program(text) or ""): text for text in replies["replies"]}
+    new = [candidate for candidate in texts if store.rewards.verdict(candidate.id) is None]
+    for candidate, verdict in zip(new, judge(env, new, unsafe=False), strict=True):
+        store.rewards.save_verdict(candidate, verdict, Reply(text=texts[candidate], model=replies["model"]))
+    verdicts = {candidate.id: store.rewards.verdict(candidate.id) for candidate in texts}
+    found = [(key, verdict.graph) for key, verdict in verdicts.items() if verdict is not None and verdict.graph]
+    return [*found, ("human", "human")]
 
 
 def measure(env: str, seed: int, threads: int) -> None:

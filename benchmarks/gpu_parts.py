@@ -21,10 +21,9 @@ from openeureka.llm.random import RandomModel
 from openeureka.method import prompts
 from openeureka.method.lanes import HELD_OUT
 from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
+from openeureka.runs.rewards import judge
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
 from openeureka.training.population import Population
 from openeureka.types import (
@@ -251,19 +250,14 @@ def _lanes(programs: Sequence[RewardGraph]) -> list[LaneSpec]:
 @cache
 def rewards(env: str, count: int) -> list[RewardGraph]:
     """Programs such as a search trains: random ones of the typed grammar, all different."""
-    known = context(env)
-    prompt = prompts.render(known, PromptPlan(count=count), "grammar")
-    graphs: list[RewardGraph] = []
+    prompt = prompts.render(context(env), PromptPlan(count=count), "grammar")
+    replies = RandomModel().sample(prompt, n=4 * count, seed=0)
+    candidates = [Candidate.of(extract.program(reply.text) or "") for reply in replies]
     # The grammar knows no call that could do harm, so a kernel without confinement will do.
-    with Sandbox(known.state, record_states(env), unsafe=True) as sandbox:
-        for reply in RandomModel().sample(prompt, n=4 * count, seed=0):
-            source = extract.program(reply.text)
-            verdict = sandbox.check(Candidate.of(source)) if source is not None else None
-            if verdict is not None and verdict.graph is not None and len(graphs) < count:
-                graphs.append(verdict.graph)
+    graphs = [verdict.graph for verdict in judge(env, candidates, unsafe=True) if verdict.graph is not None]
     if len(graphs) < count:
         raise RuntimeError(f"only {len(graphs)} of {4 * count} random rewards were accepted")
-    return graphs
+    return graphs[:count]
 
 
 def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:

@@ -58,7 +58,7 @@ def measure(env: str, seed: int) -> None:
         write(RESULTS, found)
 
     parts = rungs.missing(graphs, [seed], current(env, read(RESULTS).get(env, {})))
-    rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], {}, keep)
+    rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], keep)
 
 
 def recipe(env: str) -> Record:

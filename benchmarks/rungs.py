@@ -30,12 +30,10 @@ from records import FOLDER, Record, command_line, correlation, machine, read, re
 
 from openeureka.numbers import number
 from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
+from openeureka.runs.rewards import judge
 from openeureka.score import rank
 from openeureka.stats import mean
 from openeureka.tasks import registry
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
 from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy
 from openeureka.training.population import Population
@@ -62,22 +60,15 @@ TOGETHER = 4
 
 
 class Watched(Population):
-    """A population that keeps its policies at the rungs.
+    """A population that keeps its policies at the rungs."""
 
-    Args:
-        calm: share of the recipe's `kl_threshold` that is left in the end; it falls evenly from the first epoch on.
-    """
-
-    def __init__(self, *args: Any, calm: float = 1.0, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.calm = calm
         self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
         self.kept: dict[tuple[int, int], bytes] = {}
 
     def _checkpoint(self, epoch: int) -> None:
         super()._checkpoint(epoch)
-        left = 1.0 - (1.0 - self.calm) * epoch / self.epochs
-        self.ppo.recipe = dataclasses.replace(self.recipe, kl_threshold=left * self.recipe.kl_threshold)
         for rung in (rung for rung, end in enumerate(self.ends) if end == epoch + 1):
             for lane, active in enumerate(self.ppo.active.tolist()):
                 if active:
@@ -91,12 +82,10 @@ def accepted(env: str, replies: Iterable[str]) -> dict[str, RewardProgram]:
 
 def judged(env: str, replies: Iterable[str]) -> Iterator[tuple[Candidate, RewardProgram]]:
     """The programs in these replies that the sandbox accepts, and the graphs of them."""
-    with Sandbox(context(env).state, record_states(env)) as checker:
-        for text in replies:
-            candidate = Candidate.of(extract.program(text) or "")
-            graph = checker.check(candidate).graph
-            if graph is not None:
-                yield candidate, graph
+    candidates = [Candidate.of(extract.program(text) or "") for text in replies]
+    for candidate, verdict in zip(candidates, judge(env, candidates, unsafe=False), strict=True):
+        if verdict.graph is not None:
+            yield candidate, verdict.graph
 
 
 def programs(env: str) -> dict[str, RewardProgram]:
@@ -109,15 +98,13 @@ def programs(env: str) -> dict[str, RewardProgram]:
     return {"human": "human", **own}
 
 
-def train(
-    env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, float], manner: Mapping[str, float]
-) -> Record:
+def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, float]) -> Record:
     """Records of these lanes."""
     torch.set_num_threads(1)
     task = registry.get(env)
     with patch.object(task, "recipe", dataclasses.replace(task.recipe, **recipe)):
         begun = time.process_time()
-        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1, **manner)
+        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1)
         results = [message for message in population.train() if isinstance(message, TrainingResult)]
         seconds = (time.process_time() - begun) / len(lanes)
     places = {f"{lane} {rung}": (lane, rung) for lane, rung in population.kept}
@@ -150,12 +137,11 @@ def side_by_side(
     parts: Iterable[Sequence[LaneSpec]],
     steps: int,
     recipe: Mapping[str, float],
-    manner: Mapping[str, float],
     keep: Callable[[Record], object],
 ) -> None:
     """Train parts, one a core; records are kept as they come."""
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(train, env, part, steps, recipe, manner) for part in parts]):
+        for done in as_completed([pool.submit(train, env, part, steps, recipe) for part in parts]):
             keep(done.result())
 
 
@@ -165,7 +151,6 @@ def measure(
     seeds: Sequence[int],
     recipe: Mapping[str, float],
     steps: int,
-    manner: Mapping[str, float],
 ) -> None:
     """Train what is missing, and write each part down.
 
@@ -175,7 +160,7 @@ def measure(
     trained = whole(env, **recipe, env_steps=steps)
     updates = "".join(f"{recipe[word]} {word}, " for word in ("epochs", "minibatches") if word in recipe)
     # Of the task's own recipe too: it may come to begin otherwise.
-    others = {**manner, **{word: trained[word] for word in ("noise", "head") if trained[word] != DEFAULTS[word]}}
+    others = {word: trained[word] for word in ("noise", "head") if trained[word] != DEFAULTS[word]}
     updates += "".join(f"{word} {value:g}, " for word, value in others.items())
     name = f"{trained['worlds']} x {trained['horizon']}, {updates}{steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {})
@@ -190,7 +175,7 @@ def measure(
             print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
 
     parts = missing(rewards, seeds, known.get("lanes", {}))
-    side_by_side(env, parts, steps, recipe, manner, keep)
+    side_by_side(env, parts, steps, recipe, keep)
 
 
 # --- what it says ----------------------------------------------------------------------------------------------------
@@ -292,15 +277,13 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
     for name, kind in RECIPE.items():
         parser.add_argument(f"--{name}", type=kind, default=0, help="instead of the recipe's")
-    parser.add_argument("--calm", type=float, default=0.0, help="share of the KL threshold that is left in the end")
     options = parser.parse_args()
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
-    manner = {"calm": options.calm} if options.calm else {}
     for env in options.env:
         human: dict[str, RewardProgram] = {"human": "human"}
         with in_sentences():
             rewards = programs(env) if options.rewards == "all" else human
-        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], manner)
+        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env])
 
 
 if __name__ == "__main__":

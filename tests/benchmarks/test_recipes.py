@@ -27,7 +27,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """Lanes that rungs.py trains, at once; each plays 2 in the end."""
     lanes: list[str] = []
 
-    def at_once(env: str, parts: Iterable[Sequence[LaneSpec]], steps: int, recipe: Any, manner: Any, keep: Any):
+    def at_once(env: str, parts: Iterable[Sequence[LaneSpec]], steps: int, recipe: Any, keep: Any):
         for part in parts:
             lanes.extend(spec.id for spec in part)
             keep({spec.id: RECORD for spec in part})
@@ -46,7 +46,7 @@ def told(path: Path) -> Any:
 
 
 def measure(seeds: Sequence[int], **recipe: float) -> None:
-    rungs.measure("ant", {"human": "human"}, seeds, recipe, 1000, {})
+    rungs.measure("ant", {"human": "human"}, seeds, recipe, 1000)
 
 
 def test_where_no_lane_is_missing_there_is_no_part():
