@@ -17,14 +17,17 @@ _CONTACT = 9  # numbers of one body's contact sensor: force, torque, point of at
 _FRAME = 7  # numbers of one body's frame sensors: position, quaternion
 
 
-def add_contact_sensor(spec: mujoco.MjSpec, body: str, *fields: mujoco.mjtConDataField) -> None:
-    """These parts of the net wrench, in the world frame, that a body exerts on all it touches: minus what it feels."""
+def add_contact_sensor(spec: mujoco.MjSpec, body: str, *fields: mujoco.mjtConDataField, on: str = "") -> None:
+    """These parts of the net wrench, in the world frame, that a body exerts on another, or on all it touches: minus
+    what it feels."""
     net_force = 3  # reduction of all contacts to one wrench
     spec.add_sensor(
         name=f"{body}_contact",
         type=mujoco.mjtSensor.mjSENS_CONTACT,
         objtype=mujoco.mjtObj.mjOBJ_BODY,
         objname=body,
+        reftype=mujoco.mjtObj.mjOBJ_BODY if on else mujoco.mjtObj.mjOBJ_UNKNOWN,
+        refname=on,
         intprm=[sum(1 << int(field) for field in fields), net_force, 1],
     )
 

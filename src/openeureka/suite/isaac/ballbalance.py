@@ -10,8 +10,10 @@ import torch
 from torch import Tensor
 
 from ...tasks.rotations import rotate, rotate_inverse, xyzw
+from ...tasks.sensors import add_contact_sensor
 from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes
 from ...types import StateSpec, StateVar
+from ..angles import quaternion
 from ..assets import REWARDS
 
 LEG_LENGTH = 0.36
@@ -30,15 +32,6 @@ KNEE_STIFFNESS = 4000.0  # [N m/rad]
 MAX_TORQUE = KNEE_STIFFNESS * 0.2  # [N m] one full action's pull; without a limit feet are torn 14 cm off their pins
 
 _BALL_CONTACT = 1
-_WRENCH_DATA = sum(
-    1 << int(part)
-    for part in (
-        mujoco.mjtConDataField.mjCONDATA_FORCE,
-        mujoco.mjtConDataField.mjCONDATA_TORQUE,
-        mujoco.mjtConDataField.mjCONDATA_POS,
-    )
-)
-_NET_WRENCH = 3  # reduce="netforce"
 
 
 class BallBalance(Task):
@@ -138,15 +131,9 @@ class BallBalance(Task):
             contype=_BALL_CONTACT,
             conaffinity=0,
         )
-        spec.add_sensor(
-            name="ball_on_tray",
-            type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=mujoco.mjtObj.mjOBJ_GEOM,
-            objname="ball",
-            reftype=mujoco.mjtObj.mjOBJ_GEOM,
-            refname="tray",
-            intprm=[_WRENCH_DATA, _NET_WRENCH, 1],
-        )
+        field = mujoco.mjtConDataField
+        wrench = field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS
+        add_contact_sensor(spec, "ball", *wrench, on="tray")
         return spec
 
     def __init__(self, *args) -> None:
@@ -239,11 +226,12 @@ def _add_leg(spec: mujoco.MjSpec, tray: mujoco.MjsBody, index: int) -> None:
     capsule = {"size": [0.02, LEG_LENGTH / 2, 0], "pos": [0, 0, LEG_LENGTH / 2], **geom}
 
     x, y, _ = RIM_POINTS[index]
-    downwards = _quat_zy(LEG_ANGLES[index], math.radians(-135.0))
+    downwards = quaternion(0.0, math.radians(-135.0), LEG_ANGLES[index])
     upper = tray.add_body(name=f"upper_leg{index}", pos=[x, y, -0.03], quat=downwards)
     upper.add_joint(name=f"upper_leg_joint{index}", range=[math.radians(-45), math.radians(45)], **joint)
     upper.add_geom(**capsule)
-    lower = upper.add_body(name=f"lower_leg{index}", pos=[0, 0, LEG_LENGTH], quat=_quat_zy(0.0, math.radians(-90.0)))
+    knee_turn = quaternion(0.0, math.radians(-90.0), 0.0)
+    lower = upper.add_body(name=f"lower_leg{index}", pos=[0, 0, LEG_LENGTH], quat=knee_turn)
     lower.add_joint(name=f"lower_leg_joint{index}", range=list(KNEE_LIMITS), **joint)
     lower.add_geom(**capsule)
 
@@ -259,9 +247,3 @@ def _add_leg(spec: mujoco.MjSpec, tray: mujoco.MjsBody, index: int) -> None:
         solref=[0.01, 1.0],
     )
     foot.data[:3] = [0, 0, LEG_LENGTH]
-
-
-def _quat_zy(about_z: float, about_y: float) -> list[float]:
-    """MuJoCo quaternion (w, x, y, z) of a turn about y followed by one about the fixed z."""
-    cz, sz, cy, sy = (f(a / 2) for a in (about_z, about_y) for f in (math.cos, math.sin))
-    return [cz * cy, -sz * sy, cz * sy, sz * cy]
