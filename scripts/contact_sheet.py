@@ -4,7 +4,7 @@ python scripts/contact_sheet.py                        # needs OpenGL, MUJOCO_GL
 python scripts/contact_sheet.py --env shadow_hand_pen --out pen.png
 python scripts/contact_sheet.py --films sheet.png      # four moments of an encoded film of each, about 15 minutes
 
-With --films it says what each film cost, and how far from the middle what moves came; the picture's edge is at 1.
+With --films it says what each film cost, and how much of the picture what moves needs; above 1, the edge cuts it.
 """
 
 from __future__ import annotations
@@ -71,12 +71,12 @@ def filmed(env: str) -> list[Image.Image]:
     encoded = video.render(env, "random", seconds=FILM)
     spent = time.process_time() + sum(os.times()[2:4]) - begun
     pictures = mp4.frames(encoded)
-    stage, reach = Stage(env, "random", seed=0), []
+    stage, needed = Stage(env, "random", seed=0), []
     for _ in range(round(FILM / stage.dt)):
-        reach.append(stage.director.sees(stage.data))
+        needed.append(stage.director.sees(stage.data))
         stage.step()
     cost = f"{1000 * spent / len(pictures):.0f} ms of a core a picture, {len(encoded) / 1e6:.2f} MB"
-    print(f"{env}: {cost}, reach {min(reach):.2f} to {max(reach):.2f}", flush=True)
+    print(f"{env}: {cost}, needs {min(needed):.2f} to {max(needed):.2f}", flush=True)
     return [framed(pictures[(len(pictures) - 1) * index // (MOMENTS - 1)], env) for index in range(MOMENTS)]
 
 

@@ -130,9 +130,9 @@ def test_a_scene_that_begins_anew_is_cut_to():
 @pytest.mark.parametrize("env", ["cartpole", "ant", "quadcopter", "shadow_hand_swing_cup"])
 def test_what_moves_fills_the_picture_and_stays_in_it(env: str):
     stage = Stage(env, "random", seed=0)
-    reach = []
+    needed = []
     for _ in range(round(2.0 / stage.dt)):
-        reach.append(stage.director.sees(stage.data))
+        needed.append(stage.director.sees(stage.data))
         stage.step()
-    assert max(reach) <= 1.0 + 1e-6
-    assert min(reach) > 0.5
+    assert max(needed) <= 1.0 + 1e-6
+    assert min(needed) > 0.5

@@ -77,8 +77,13 @@ class Camera:
         return self.eye
 
     def sees(self, data: mujoco.MjData) -> float:
-        """How far from the middle of the picture what moves reaches, whose edge is at 1."""
-        return self._reach(corners(self._model, data, self._geoms))
+        """How far off what moves would just fit, as a share of how far off it is: above 1, the edge cuts it.
+
+        0 where the eye stays as it is.
+        """
+        if self._fixed:
+            return 0.0
+        return self._fitting(corners(self._model, data, self._geoms) - self.eye.lookat) / self.eye.distance
 
     def _look(self, points: np.ndarray, seconds: float) -> None:
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -108,17 +113,6 @@ class Camera:
         half = math.tan(math.radians(self._model.vis.global_.fovy) / 2)
         across, upright = np.abs(points @ right) / (half * self._aspect), np.abs(points @ up) / half
         return float((np.maximum(across, upright) - points @ forward).max())
-
-    def _reach(self, points: np.ndarray) -> float:
-        if self.eye.type == mujoco.mjtCamera.mjCAMERA_FIXED or not len(points):
-            return 0.0
-        forward, right, up = self._axes()
-        half = math.tan(math.radians(self._model.vis.global_.fovy) / 2)
-        ahead = (points - self.eye.lookat) @ forward + self.eye.distance
-        if ahead.min() <= 0.0:
-            return math.inf
-        across = np.abs((points - self.eye.lookat) @ right) / (half * self._aspect)
-        return float((np.maximum(across, np.abs((points - self.eye.lookat) @ up) / half) / ahead).max())
 
     def _frames(self, data: mujoco.MjData, camera: int, start: np.ndarray, everything: np.ndarray) -> bool:
         """Whether a camera of the model has all in sight that moves, at the start (k, 3), where it is seen to move, and
