@@ -243,10 +243,3 @@ def test_numbers_of_another_type_are_named_before_a_model_is_paid(tmp_path, old,
     with pytest.raises(TaskError) as caught:
         record_states(str(file), worlds=4, steps=3, keep=2)
     assert says in str(caught.value) and str(file) in str(caught.value)
-
-
-def test_an_import_string_of_an_older_version_finds_the_task_where_it_is_now():
-    former = "openeureka.tasks.bimanual.switch:ShadowHandSwitchAsPublished"
-    assert get(former) is get("openeureka.suite.dexterity.switch:ShadowHandSwitchAsPublished")
-    assert get("openeureka.tasks.locomotion.ant:Ant") is get("ant")
-    assert get("openeureka.tasks.hands.spin:ShadowHandSpin+random_goals=true").env == "shadow_hand_spin"

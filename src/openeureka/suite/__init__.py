@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 TASKS = {
     "cartpole": "openeureka.suite.isaac.cartpole:Cartpole",
     "ant": "openeureka.suite.isaac.ant:Ant",
@@ -38,17 +36,3 @@ TASKS = {
     "shadow_hand_upside_down": "openeureka.suite.dexterity.upside_down:ShadowHandUpsideDown",
 }
 """Name -> import string."""
-
-_FORMER = re.compile(r"openeureka\.tasks\.(classic|locomotion|manipulation|hands|bimanual)\.(\w+)")
-_RENAMED = {"locomotion.common": "legged", "hands.common": "reorientation", "hands.pen": "pen_in_hand"}
-
-
-def moved(target: str) -> str:
-    """An import string as it is now: runs of older versions name tasks by where they were then."""
-    module, _, name = target.partition(":")
-    if not (found := _FORMER.fullmatch(module)):
-        return target
-    folder, file = found.groups()
-    dexterity = folder == "bimanual" or file in ("pen", "spin", "upside_down")
-    place = "dexterity" if dexterity else "isaac"
-    return f"{__name__}.{place}.{_RENAMED.get(f'{folder}.{file}', file)}:{name}"

@@ -127,7 +127,7 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
 
 def _named(env: str) -> type[Task]:
     installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
-    target = _suite().moved(env) if ":" in env else _suite().TASKS.get(env) or installed.get(env)
+    target = env if ":" in env else _suite().TASKS.get(env) or installed.get(env)
     if env.endswith(".py"):
         target = f"{env}:{_only_task(env)}"
     if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
