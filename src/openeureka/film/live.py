@@ -28,8 +28,8 @@ FACTORS = ("mass", "friction")
 class Live(Stage):
     """A stage whose world a person changes."""
 
-    def __init__(self, env: str, policy: bytes, seed: int = 0) -> None:
-        super().__init__(env, policy, seed)
+    def __init__(self, env: str, policy: bytes) -> None:
+        super().__init__(env, policy, seed=0)
         self._physics = Perturbed(self._simulation.sim, FACTORS)
         self._velocity = self._simulation.sim.bind("qvel")
         self._all = torch.ones(1, dtype=torch.bool)

@@ -106,7 +106,7 @@ class Scene:
     def __init__(self, env: Any, document: str, *, scalar_first: bool, held: Any = None) -> None:
         self._held = held  # an application ends when nothing holds it
         self.env, self.worlds, self.document, self.scalar_first = env, env.num_envs, document, scalar_first
-        self.stepping, self.begun, self.state = False, False, {}
+        self.stepping, self.state = False, {}
         begin = env._reset_idx
 
         def reset_when_told(*given: Any, **named: Any) -> Any:
