@@ -130,23 +130,31 @@ class Dies(ToyTrainer):
         self.left -= 1
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A search that nobody kills, and its lanes."""
+    folder, trainer = tmp_path_factory.mktemp("whole"), ToyTrainer()
+    search(folder, trainer)
+    return folder, trainer.trained
+
+
 @pytest.mark.parametrize("lanes", [3, 10, 12, 17, 20, 25])
-def test_a_run_that_is_killed_in_a_rung_goes_on_there(tmp_path: Path, lanes: int):
-    whole, first, second = ToyTrainer(), Dies(), ToyTrainer()
-    search(tmp_path / "whole", whole)
+def test_a_run_that_is_killed_in_a_rung_goes_on_there(whole: tuple[Path, list[str]], tmp_path: Path, lanes: int):
+    first, second = Dies(), ToyTrainer()
     first.left = lanes
     with pytest.raises(Killed):
         search(tmp_path / "run", first)
     search(tmp_path / "run", second)
     trained = first.trained[:-1] + second.trained  # all but the one it died in
-    assert sorted(trained) == sorted(whole.trained)
-    with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
+    assert sorted(trained) == sorted(whole[1])
+    with Store.view(whole[0]) as one, Store.view(tmp_path / "run") as other:
         assert one.lanes.rungs() == other.lanes.rungs()
         assert one.lanes.results() == other.lanes.results()
 
 
-def test_a_run_that_is_killed_between_two_cuts_says_the_same_of_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    search(tmp_path / "whole", ToyTrainer())
+def test_a_run_that_is_killed_between_two_cuts_says_the_same_of_both(
+    whole: tuple[Path, list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     keep, cuts = LaneLog.save_results, list[str]()
 
     def dying(log: LaneLog, results: Sequence[TrainingResult]) -> None:
@@ -159,7 +167,7 @@ def test_a_run_that_is_killed_between_two_cuts_says_the_same_of_both(tmp_path: P
         patched.setattr(LaneLog, "save_results", dying)
         search(tmp_path / "run", ToyTrainer())
     search(tmp_path / "run", ToyTrainer())
-    with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
+    with Store.view(whole[0]) as one, Store.view(tmp_path / "run") as other:
         assert one.lanes.results() == other.lanes.results()
 
 

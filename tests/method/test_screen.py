@@ -254,18 +254,27 @@ class Dies(ToyTrainer):
         return super().rewards(env, programs, episodes)
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str], int]:
+    """A search that nobody kills, its lanes, and how many replies it asked for."""
+    folder, trainer = tmp_path_factory.mktemp("whole"), ToyTrainer()
+    return folder, trainer.trained, search(folder, trainer).said
+
+
 @pytest.mark.parametrize("calls", [0, 3, 4, 5, 6, 7, 8, 9])
-def test_a_run_that_is_killed_in_or_around_a_screen_goes_on_there(tmp_path: Path, calls: int):
-    whole, first, second = ToyTrainer(), Dies(), ToyTrainer()
-    asked = search(tmp_path / "whole", whole).said
+def test_a_run_that_is_killed_in_or_around_a_screen_goes_on_there(
+    whole: tuple[Path, list[str], int], tmp_path: Path, calls: int
+):
+    first, second = Dies(), ToyTrainer()
     first.left = calls
     with pytest.raises(Killed):
         search(tmp_path / "run", first)
     model = search(tmp_path / "run", second)
+    folder, lanes, asked = whole
     assert model.said == asked
     trained = first.trained + second.trained
-    assert sorted(set(trained)) == sorted(whole.trained) and len(trained) <= len(whole.trained) + 1
-    with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
+    assert sorted(set(trained)) == sorted(lanes) and len(trained) <= len(lanes) + 1
+    with Store.view(folder) as one, Store.view(tmp_path / "run") as other:
         assert one.screens.all() == other.screens.all()
         assert one.lanes.results() == other.lanes.results()
         assert one.talk.placed_replies() == other.talk.placed_replies()

@@ -185,8 +185,18 @@ def test_more_lanes_than_ways_come_again_with_further_seeds() -> None:
     assert [lane.seed for lane in dealt] == [3, 4, 5, 6, 7, 8]
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Polished]:
+    """Lanes of a search that nobody stops, and what it polished."""
+    folder, trainer = tmp_path_factory.mktemp("whole"), Runner()
+    search(folder, trainer)
+    return trainer.trained, polished(folder)
+
+
 @pytest.mark.parametrize("after", [6, 8, 10])
-def test_a_stopped_one_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
+def test_a_stopped_one_goes_on_and_trains_nothing_twice(
+    whole: tuple[list[str], Polished], tmp_path: Path, after: int
+) -> None:
     @dataclass
     class Stopping(Runner):
         def result(self, lane: LaneSpec) -> TrainingResult:
@@ -194,14 +204,12 @@ def test_a_stopped_one_goes_on_and_trains_nothing_twice(tmp_path: Path, after: i
                 raise KeyboardInterrupt
             return super().result(lane)
 
-    whole, first, second, third = Runner(), Stopping(), Runner(), Runner()
-    search(tmp_path / "whole", whole)
+    first, second, third = Stopping(), Runner(), Runner()
     with pytest.raises(KeyboardInterrupt):
         search(tmp_path / "run", first)
     assert not Run(tmp_path / "run").finished
     search(tmp_path / "run", second)
-    assert polished(tmp_path / "run") == polished(tmp_path / "whole")
-    assert [*first.trained[:-1], *second.trained] == whole.trained
+    assert ([*first.trained[:-1], *second.trained], polished(tmp_path / "run")) == whole
     assert Run(tmp_path / "run").finished
     search(tmp_path / "run", third)
     assert third.trained == []
@@ -301,42 +309,52 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     assert of_polishing(wins).startswith("The policy carried on wins: the one it began from breaks a limit, torque 70")
 
 
-@pytest.mark.parametrize("calls", range(1, 30))
-def test_a_kill_before_or_in_a_polishing_that_follows_a_tuning_changes_nothing(tmp_path: Path, calls: int) -> None:
-    """Held out, the policies of every weighting break the limit: what is carried on is the one that the race left."""
+class Killed(BaseException):
+    pass
 
-    class Killed(BaseException):
-        pass
 
-    @dataclass
-    class Dying(ToyTrainer):
-        left: int = 1_000
+@dataclass
+class Dying(ToyTrainer):
+    """Is killed at a call of its; held out, the policies of every weighting break the limit."""
 
-        def train(self, env, lanes, budget):
-            for result in super().train(env, lanes, budget):
-                self.left -= 1
-                if not self.left:
-                    raise Killed
-                yield result
+    left: int = 1_000
 
-        def evaluate(self, env, policies, *, seed, **options):
+    def train(self, env, lanes, budget):
+        for result in super().train(env, lanes, budget):
             self.left -= 1
             if not self.left:
                 raise Killed
-            torque = 80.0 if 1_000_000 < seed < 2_000_000 else 50.0
-            for score in super().evaluate(env, policies, seed=seed, **options):
-                yield replace(score, costs={"torque": torque})
+            yield result
 
-    def go(name: str, trainer: Dying) -> Polished:
-        wanted = config(tune=4, polish=2, limits="torque=75")
-        texts = [reply(worth).replace(str(worth), f"{worth} * x") for worth in (7.0, 7.1)]
-        with Store.open(tmp_path / name, wanted) as store:
-            model = ScriptedModel(texts, said=len(store.talk.replies()))
-            run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
-        return polished(tmp_path / name)
+    def evaluate(self, env, policies, *, seed, **options):
+        self.left -= 1
+        if not self.left:
+            raise Killed
+        torque = 80.0 if 1_000_000 < seed < 2_000_000 else 50.0
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            yield replace(score, costs={"torque": torque})
 
-    whole = go("whole", Dying())
-    assert len(whole.tries) == 2 and whole.best is not None
+
+def tuned_and_polished(directory: Path, trainer: Dying) -> Polished:
+    wanted = config(tune=4, polish=2, limits="torque=75")
+    texts = [reply(worth).replace(str(worth), f"{worth} * x") for worth in (7.0, 7.1)]
+    with Store.open(directory, wanted) as store:
+        model = ScriptedModel(texts, said=len(store.talk.replies()))
+        run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+    return polished(directory)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Polished:
+    return tuned_and_polished(tmp_path_factory.mktemp("undisturbed"), Dying())
+
+
+@pytest.mark.parametrize("calls", range(1, 30))
+def test_a_kill_before_or_in_a_polishing_that_follows_a_tuning_changes_nothing(
+    undisturbed: Polished, tmp_path: Path, calls: int
+) -> None:
+    """What is carried on is the one that the race left."""
+    assert len(undisturbed.tries) == 2 and undisturbed.best is not None
     with suppress(Killed):
-        go("killed", Dying(left=calls))
-    assert go("killed", Dying()) == whole
+        tuned_and_polished(tmp_path, Dying(left=calls))
+    assert tuned_and_polished(tmp_path, Dying()) == undisturbed

@@ -254,8 +254,18 @@ def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) ->
     assert of_tuning(found).endswith("3 of 3 were refused or failed; the first, trial_1: Its worker ran out of memory.")
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Tuned]:
+    """Lanes of a tuning that nobody stops, and what it found."""
+    trainer = Hill(noise=2.0)
+    found = go(tmp_path_factory.mktemp("whole"), trainer, spoiled(7), tune=16)
+    return trainer.trained, found
+
+
 @pytest.mark.parametrize("after", [0, 5, 9, 14, 17, 22])
-def test_a_stopped_tuning_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
+def test_a_stopped_tuning_goes_on_and_trains_nothing_twice(
+    whole: tuple[list[str], Tuned], tmp_path: Path, after: int
+) -> None:
     @dataclass
     class Stopping(Hill):
         def result(self, lane: LaneSpec) -> TrainingResult:
@@ -263,13 +273,11 @@ def test_a_stopped_tuning_goes_on_and_trains_nothing_twice(tmp_path: Path, after
                 raise KeyboardInterrupt
             return super().result(lane)
 
-    whole = Hill(noise=2.0)
-    expected = go(tmp_path / "whole", whole, spoiled(7), tune=16)
     first, second = Stopping(noise=2.0), Hill(noise=2.0)
     with pytest.raises(KeyboardInterrupt):
         go(tmp_path / "run", first, spoiled(7), tune=16)
-    assert go(tmp_path / "run", second, spoiled(7), tune=16) == expected
-    assert [*first.trained[:-1], *second.trained] == whole.trained
+    found = go(tmp_path / "run", second, spoiled(7), tune=16)
+    assert ([*first.trained[:-1], *second.trained], found) == whole
 
 
 def test_a_tuning_of_another_reward_is_refused(tmp_path: Path) -> None:
