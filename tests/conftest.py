@@ -1,14 +1,22 @@
 """Tests are offline and never meet a paid endpoint: keys and proxies are removed, and sockets beyond loopback refuse to
 open."""
 
+import copy
 import itertools
 import os
 import signal
 import socket
-from collections.abc import Iterator
+import sys
+from collections.abc import Hashable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from openeureka.tasks.task import Task
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle threads that spin starve the simulator's
@@ -43,6 +51,30 @@ def never_synced() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Database, "_prepare", prepared)
         patch.setattr(os, "fsync", os.fstat)  # what is not open is still refused
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once() -> Iterator[None]:
+    """Models that come with openeureka are compiled once a process and copied: two hands take 0.15 s, 300 times."""
+    if "openeureka.tasks.task" not in sys.modules:  # no test that was collected simulates, or only a few do
+        yield
+        return
+    from openeureka.tasks.task import Task
+
+    real, known = Task.compile_model.__func__, dict[Hashable, "mujoco.MjModel"]()
+
+    def compile_model(cls: "type[Task]") -> "mujoco.MjModel":
+        shipped = getattr(cls.model, "__module__", "").startswith("openeureka.suite.")
+        if not shipped or getattr(cls.compiled, "__func__", None) is not Task.compiled.__func__:
+            return real(cls)
+        key = (cls.model, cls.control_dt, cls.substeps)
+        if key not in known:
+            known[key] = real(cls)
+        return copy.copy(known[key])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Task, "compile_model", classmethod(compile_model))
         yield
 
 

@@ -1,12 +1,25 @@
+import mujoco
+import numpy as np
 import pytest
 import torch
 
 from openeureka.suite.dexterity.common import distance, finger_distances
+from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import rotation_distance
 
 from .worlds import fresh, judged, press, scored, state_with
 
 CUP, DOOR, OVER = "shadow_hand_swing_cup", "shadow_hand_door_open_outward", "shadow_hand_over"
+
+
+def test_two_compilations_of_a_model_are_equal() -> None:
+    """The other tests compile each once."""
+    saved = []
+    for _ in range(2):
+        _, model = get(OVER).compiled()
+        saved.append(np.empty(mujoco.mj_sizeModel(model), np.uint8))
+        mujoco.mj_saveModel(model, None, saved[-1])
+    assert np.array_equal(*saved)
 
 
 def test_both_hands_are_right_hands_of_24_joints() -> None:

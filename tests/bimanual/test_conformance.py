@@ -1,23 +1,11 @@
-from collections.abc import Iterator
-
 import pytest
 
 from openeureka.tasks.registry import get
 from openeureka.testing.conformance.task import TaskConformance
 
 
-@pytest.fixture(scope="class", autouse=True)
-def compiled_once(request: pytest.FixtureRequest) -> Iterator[None]:
-    """All simulations of a task share one model, which each copies: two hands take longer to compile than to test."""
-    task = get(request.cls.env)
-    model = task.compile_model()
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(task, "compile_model", lambda: model)
-        yield
-
-
 class TwoHandsConformance(TaskConformance):
-    random_worlds = 64  # twenty tasks move the same two hands
+    random_worlds = 16  # twenty tasks move the same two hands
 
     def test_the_hands_start_apart(self) -> None:
         simulation = self._make(worlds=8)
