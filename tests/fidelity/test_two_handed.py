@@ -286,30 +286,32 @@ def test_an_episode_starts_as_the_originals(case: Case) -> None:
             assert np.abs(worlds.angle(name) - expected).max() < 1e-6
 
 
-# Sums of finger distances at the start, worked out from the published files beforehand, for handles where the original
-# starts them.
+# Sums of finger distances at the start, and distances of the palms, worked out from the published files beforehand, for
+# handles where the original starts them.
 SUMS = {
-    "shadow_hand_door_open_inward": ((0.048, 0.037, 0.717), (0.046, -0.030, 0.717), 1.053, 1.167),
-    "shadow_hand_door_open_outward": ((0.032, 0.037, 0.683), (0.034, -0.030, 0.683), 1.011, 1.094),
-    "shadow_hand_door_close_inward": ((0.398, 0.466, 0.717), (0.396, -0.460, 0.717), 0.639, 0.773),
-    "shadow_hand_door_close_outward": ((-0.398, 0.386, 0.683), (-0.396, -0.380, 0.683), 2.648, 2.652),
-    "shadow_hand_push_block": ((0, 0.2, 0.6), (0, -0.2, 0.6), 1.178, 1.178),
-    "shadow_hand_grasp_and_place": ((0, 0.2, 0.6), (0, -0.2, 0.6), 1.178, 1.178),
-    "shadow_hand_block_stack": ((0, 0.1, 0.625), (0, -0.1, 0.625), 0.539, 0.540),
-    "shadow_hand_scissors": ((0.152, -0.032, 0.6), (0.15, -0.1, 0.6), 1.534, 1.262),
-    "shadow_hand_switch": ((0.031, 0.2, 0.692), (0.031, -0.2, 0.692), 0.716, 0.716),
-    "shadow_hand_pen": ((0, 0.1, 0.6), (0, -0.07, 0.6), 1.245, 1.382),
-    "shadow_hand_swing_cup": ((0, 0.062, 0.6), (0, -0.06, 0.6), 1.445, 1.296),
-    "shadow_hand_kettle": ((0, 0.15, 0.5), (0, -0.3, 0.4), 0.825, 1.151),
+    "shadow_hand_door_open_inward": ((0.048, 0.037, 0.717), (0.046, -0.030, 0.717), 1.053, 1.167, (0.234, 0.239)),
+    "shadow_hand_door_open_outward": ((0.032, 0.037, 0.683), (0.034, -0.030, 0.683), 1.011, 1.094, (0.229, 0.231)),
+    "shadow_hand_door_close_inward": ((0.398, 0.466, 0.717), (0.396, -0.460, 0.717), 0.639, 0.773, (0.177, 0.180)),
+    "shadow_hand_door_close_outward": ((-0.398, 0.386, 0.683), (-0.396, -0.380, 0.683), 2.648, 2.652, (0.616, 0.612)),
+    "shadow_hand_push_block": ((0, 0.2, 0.6), (0, -0.2, 0.6), 1.178, 1.178, (0.262, 0.262)),
+    "shadow_hand_grasp_and_place": ((0, 0.2, 0.6), (0, -0.2, 0.6), 1.178, 1.178, (0.262, 0.262)),
+    "shadow_hand_block_stack": ((0, 0.1, 0.625), (0, -0.1, 0.625), 0.539, 0.540, ()),
+    "shadow_hand_scissors": ((0.152, -0.032, 0.6), (0.15, -0.1, 0.6), 1.534, 1.262, (0.301, 0.217)),
+    "shadow_hand_switch": ((0.031, 0.2, 0.692), (0.031, -0.2, 0.692), 0.716, 0.716, (0.179, 0.179)),
+    "shadow_hand_pen": ((0, 0.1, 0.6), (0, -0.07, 0.6), 1.245, 1.382, (0.280, 0.292)),
+    "shadow_hand_swing_cup": ((0, 0.062, 0.6), (0, -0.06, 0.6), 1.445, 1.296, (0.238, 0.239)),
+    "shadow_hand_kettle": ((0, 0.15, 0.5), (0, -0.3, 0.4), 0.825, 1.151, ()),
 }
 
 
 @pytest.mark.parametrize("env", SUMS)
-def test_fingers_start_as_far_from_the_handles_as_in_the_original(env: str) -> None:
+def test_hands_start_as_far_from_the_handles_as_in_the_original(env: str) -> None:
     simulation = make(env, worlds=1, threads=1)
     simulation.reset()
     s = simulation.current_state()
-    right, left, *sums = SUMS[env]
+    right, left, *sums, palms = SUMS[env]
+    for side, point, expected in zip(("right", "left"), (right, left), palms):  # noqa: B905  some are not known
+        assert float((s[f"{side}_hand_pos"][0] - torch.tensor(point)).norm()) == pytest.approx(expected, abs=0.003)
     for side, point, expected in zip(("right", "left"), (right, left), sums, strict=True):
         found = sum(float((s[f"{side}_hand_{finger}_pos"][0] - torch.tensor(point)).norm()) for finger in FINGERS)
         assert found == pytest.approx(expected, abs=0.005)
