@@ -1,5 +1,3 @@
-import math
-
 import pytest
 import torch
 
@@ -50,12 +48,6 @@ def test_the_episode_fails_off_the_rail_or_below_the_horizontal(task):
     assert task.terminated(state(2.99, 0.0, 1.57, 0.0)).tolist() == [False]
     assert task.terminated(state(-3.01, 0.0, 0.0, 0.0)).tolist() == [True]
     assert task.terminated(state(0.0, 0.0, -1.58, 0.0)).tolist() == [True]
-
-
-def test_human_reward_by_hand(task):
-    # 1 - 0.5^2 - 0.01 * 2 - 0.005 * 4 = 0.71
-    assert task.human_reward(state(1.0, -2.0, 0.5, 4.0)).tolist() == pytest.approx([0.71])
-    assert task.human_reward(state(0.0, 0.0, 1.1 * math.pi / 2, 0.0)).tolist() == [-2.0]
 
 
 def test_fitness_is_the_length_of_finished_episodes(task):

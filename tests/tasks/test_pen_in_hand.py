@@ -140,18 +140,6 @@ def test_random_goals_are_drawn_anew_and_reached_within_a_fifth_of_a_radian():
     assert not torch.equal(after[0], before[0]) and torch.equal(after[1], before[1])
 
 
-@pytest.mark.parametrize(("task", "weight"), [(ShadowHandSpin, 0.1), (ShadowHandUpsideDown, -10.0)])
-def test_the_human_reward_by_hand(task: type[PenInHand], weight: float):
-    state = {
-        "object_pos": torch.tensor([[0.0, 0.0, 0.1]]),
-        "goal_pos": torch.zeros(1, 3),
-        "rotation_distance": torch.tensor([0.9]),
-        "actions": torch.full((1, 20), 0.5),
-    }
-    # 10 cm off; 1 / (0.9 + 0.1); 20 actions of 0.5: -0.0002 * 5
-    assert make(task).task.human_reward(state).item() == pytest.approx(0.1 * weight + 1.0 - 0.001, abs=1e-5)
-
-
 def test_a_person_sets_how_near_is_near_enough():
     own, wide = "shadow_hand_spin", "shadow_hand_spin+tolerance=0.5"
     tolerances = [registry.make(env, worlds=1).task.tolerance for env in (own, wide)]
