@@ -42,10 +42,10 @@ class TestShadowHand(TaskConformance):
 class TestShadowHandSpin(TaskConformance):
     env = "shadow_hand_spin"
     start_overlap = 0.01  # fingers, as ShadowHand
-    random_worlds = 128
+    random_worlds = 32  # the hand is that of ShadowHand
 
 
 class TestShadowHandUpsideDown(TaskConformance):
     env = "shadow_hand_upside_down"
     start_overlap = 0.01  # fingers, as ShadowHand
-    random_worlds = 128
+    random_worlds = 32  # the hand is that of ShadowHand
