@@ -1,7 +1,7 @@
 """The whole loop with a scripted model, a toy checker and a toy trainer."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
@@ -498,9 +498,16 @@ HOSTILE_REPLIES = {
 }
 
 
-@pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
+@pytest.fixture(scope="module")
+def sandbox() -> Iterator[Sandbox]:
+    if not confine.support().complete:
+        pytest.skip(confine.support().sentence())
+    with Sandbox(STATE, recorded()) as running:
+        yield running
+
+
 @pytest.mark.parametrize("stopped", [False, True], ids=["run", "resume"])
-def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, stopped: bool) -> None:
+def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, sandbox, stopped: bool) -> None:
     sources = {hostile.name: hostile.source for hostile in CORPUS}
     sources["huge-integer"] = "def compute_reward(pos):\n    pos += 0x" + "F" * 6000 + "\n    return pos[:, 0], {}\n"
     texts = [f"```python\n{sources[name]}\n```" for name in HOSTILE_REPLIES if name in sources] + ["~" * 48000 + "`"]
@@ -513,8 +520,8 @@ def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, s
         one.checker = SimpleNamespace(check=stop)
         with pytest.raises(KeyboardInterrupt):
             one.go()
-    with Sandbox(STATE, recorded()) as one.checker:
-        assert one.go().best is None
+    one.checker = sandbox
+    assert one.go().best is None
     entries = one.history().generations[0].entries
     rules = [entry.sample.verdict.findings[0].rule if entry.sample.candidate else "" for entry in entries]
     assert rules == list(HOSTILE_REPLIES.values()) and one.model.said == len(texts)

@@ -8,11 +8,10 @@ import pytest
 import torch
 
 from openeureka.reward import form as forms
-from openeureka.reward import graph
+from openeureka.reward import gate, graph, load, probe
 from openeureka.reward.form import form
 from openeureka.reward.validate import validate
-from openeureka.sandbox.client import Sandbox
-from openeureka.types import Candidate, Node, RewardGraph
+from openeureka.types import Node, RewardGraph
 from reward.honest import CARTPOLE, recorded
 
 HEAD = "def compute_reward(dof_pos, dof_vel):\n    x, v = dof_pos[:, 0], dof_vel[:, 0]\n"
@@ -38,11 +37,10 @@ OTHER = {
 @pytest.fixture(scope="module")
 def graphs() -> dict[str, RewardGraph]:
     found = {}
-    with Sandbox(CARTPOLE, recorded(CARTPOLE)) as checker:
-        for name, body in (SAME | OTHER).items():
-            verdict = checker.check(Candidate.of(f"import torch\n\n{HEAD}    {body}\n"))
-            assert verdict.graph is not None, (name, verdict.findings)
-            found[name] = verdict.graph
+    for name, body in (SAME | OTHER).items():
+        program = gate.check(f"import torch\n\n{HEAD}    {body}\n", CARTPOLE)
+        assert isinstance(program, gate.Program), (name, program)
+        found[name] = probe.probe(load.load(program), CARTPOLE, recorded(CARTPOLE)).graph
     return found
 
 

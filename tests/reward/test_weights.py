@@ -6,12 +6,11 @@ from pathlib import Path
 import pytest
 
 import openeureka
+from openeureka.reward import gate, load, probe
 from openeureka.reward.weights import GUARD, THRESHOLD, values, weighed, weights
-from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import human
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get
-from openeureka.types import Candidate
 
 REWARDS = sorted((Path(openeureka.__file__).parent / "suite" / "rewards").glob("*.py"))
 GOLDEN = {
@@ -60,12 +59,14 @@ def test_numbers_changed_and_changed_back_trace_to_the_same_graph(env):
     own = [weight.value for weight in weights(text)]
     back = weighed(weighed(text, [value * 3.0 for value in own]), own)
     assert back != text or env == "ant"  # 2.5e-5 is written 2.5e-05
-    with Sandbox(task.spec, record_states(env), worlds=task.recipe.worlds) as sandbox:
-        first, again, other = (
-            sandbox.check(Candidate.of(program)).graph
-            for program in (text, back, weighed(text, [value * 1.1 for value in own]))
-        )
-    assert first is not None and first == again and first != other
+    programs = [gate.check(one, task.spec) for one in (text, back, weighed(text, [value * 1.1 for value in own]))]
+    states = record_states(env)
+    first, again, other = (
+        probe.probe(load.load(program), task.spec, states, task.recipe.worlds).graph
+        for program in programs
+        if isinstance(program, gate.Program)
+    )
+    assert first == again and first != other
 
 
 @pytest.mark.parametrize(

@@ -74,13 +74,12 @@ def test_findings_of_a_stranger_are_one_printable_line() -> None:
 
 def test_a_program_that_does_something_else_with_the_worlds_of_the_training_is_refused() -> None:
     lines = ("scale = 1.0 if num_envs <= 256 else 2.0", "return scale * pos[:, 0], {}")
-    program = "\n    ".join(("def compute_reward(pos, num_envs):", *lines))
-    codes: list[str] = []
-    for worlds in (128, 512):
-        with Sandbox(STATE, recorded(), worlds=worlds) as sandbox:
-            verdict = sandbox.check(Candidate.of(program))
-            codes.append(verdict.findings[0].rule if verdict.findings else "accepted")
-    assert codes == ["accepted", "world-count"]
+    text = "\n    ".join(("def compute_reward(pos, num_envs):", *lines))
+    program = gate.check(text, STATE)
+    assert isinstance(program, gate.Program)
+    assert server._probe(program, replace(BENCH, worlds=128)).findings == ()
+    with Sandbox(STATE, recorded(), worlds=512) as sandbox:  # whose server has to be told the number
+        assert sandbox.check(Candidate.of(text)).findings[0].rule == "world-count"
 
 
 @pytest.mark.parametrize("picked", [[], [70], [5, 70], [70, 160], [5, 70, 160, 230], [5, 6, 70]])
