@@ -266,6 +266,7 @@ def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: 
 
 def test_a_training_that_comes_back_to_where_it_was_gives_signs_of_life(monkeypatch: pytest.MonkeyPatch):
     said: list[dict] = []
+    seconds = [0.0]
     request = pack_lanes("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=64, worlds=4))
     header = {"do": "train", "device": "cpu", "threads": 0, "snapshot_seconds": 0.0, **request.header}
     left = [Frame(header, request.blobs), None]
@@ -283,12 +284,13 @@ def test_a_training_that_comes_back_to_where_it_was_gives_signs_of_life(monkeypa
     class Replaying(population.Population):
         def __init__(self, *args, alive, **options):
             for _ in range(3):
-                time.sleep(1.01)
+                seconds[0] += 1.01
                 alive()
             super().__init__(*args, alive=alive, **options)
 
     monkeypatch.setattr(child, "Channel", Said)
     monkeypatch.setattr(child, "Population", Replaying)
+    monkeypatch.setattr(child, "time", SimpleNamespace(monotonic=lambda: seconds[0]))
     child.main()
     assert said[:3] == [{}] * 3 and said[-1] == {"done": True}
 
