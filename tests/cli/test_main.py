@@ -153,6 +153,14 @@ def test_help_is_shown_beside_a_run_too(capsys):
     assert "Example: eureka feedback" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("module", ["openeureka.cli.tasks", "openeureka.film.viewer", "openeureka.tasks.anatomy"])
+def test_an_opengl_that_is_not_here_ends_nothing_that_draws_nothing(module):
+    code = f"import {module}, mujoco, os; print(os.environ['MUJOCO_GL'], mujoco.Renderer.__name__)"
+    environment = {**os.environ, "MUJOCO_GL": "no-such-thing"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout == "no-such-thing Renderer\n", done.stderr
+
+
 def test_ctrl_c_exits_with_130(monkeypatch):
     fail_with(KeyboardInterrupt(), monkeypatch)
     assert run("context") == 130

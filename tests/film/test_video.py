@@ -51,6 +51,14 @@ def test_without_opengl_one_sentence_says_what_to_install(monkeypatch):
         render("cartpole", "zero", seconds=0.1)
 
 
+def test_what_is_chosen_is_tried_first_and_needs_not_be_there(monkeypatch):
+    needs_rendering()
+    there = video.renderer()
+    for chosen in ("glfw", "no-such-thing"):
+        monkeypatch.setenv("MUJOCO_GL", chosen)
+        assert video.renderer() in (chosen, there)
+
+
 def test_a_busy_machine_is_not_said_to_lack_opengl(monkeypatch):
     monkeypatch.setattr(video, "BACKGROUND_START", 0.0)
     with pytest.raises(video.NoRenderer, match="rendering did not begin within 0 s"):

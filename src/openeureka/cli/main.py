@@ -352,8 +352,8 @@ def _for_a_person(error: BaseException) -> EurekaError | OSError | None:
     """The error that a person can do something about; None where the program is at fault."""
     if isinstance(error, EurekaError) or (isinstance(error, OSError) and error.errno in _DISK):
         return error
-    # Loading tasks takes long, and a command that loaded none was ended by none.
-    if isinstance(error, SystemExit) and "openeureka.tasks.faults" not in sys.modules:
+    # Loading tasks takes long and may be what failed, and a command that loaded none was ended by none.
+    if "openeureka.tasks.faults" not in sys.modules:
         return None
     from ..tasks.faults import fault
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 
-import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import EurekaError
+from ..opengl import missing, mujoco
 from ..tasks.faults import fault, told
 from ..worker import Channel
 from . import mp4
@@ -68,6 +68,8 @@ def _shown(env: str, agent: str | bytes, seed: int, beside: int) -> Stage | Scre
 
 def _try_renderer() -> None:
     """Renders one empty scene; dies where there is no OpenGL."""
+    if missing:
+        raise RuntimeError(missing)
     with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16) as renderer:
         renderer.render()
 

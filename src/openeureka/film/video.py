@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 
 from ..errors import EurekaError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
@@ -71,6 +70,7 @@ def _first_that_works(
     manners = {"OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} if background else {}  # LP: Mesa's software renderer
     for backend in _backends():
         environment = {**os.environ, **manners, "MUJOCO_GL": backend}
+        environment.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to what it has loaded, and then loads nothing else
         with Worker("openeureka.film.render", env=environment, nice=19 if background else None) as worker:
             try:
                 worker.send(request, blobs)
@@ -102,9 +102,14 @@ def _video(worker: Worker, timeout: float) -> Frame:
         raise VideoUnavailable(f"The video was not ready within {timeout:g} s; ask for fewer seconds=.") from None
 
 
-def _backends() -> Iterator[str]:
-    chosen = os.environ.get("MUJOCO_GL")
-    yield from [chosen] if chosen else ["egl", "osmesa"]
+_NONE = {"disable", "disabled", "off", "false", "0"}
+"""By which MUJOCO_GL says that nothing is to be drawn."""
+
+
+def _backends() -> list[str]:
+    """What a person chose, then what needs no display; nothing else where they want none."""
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    return list(dict.fromkeys(filter(None, (chosen, *(() if chosen in _NONE else ("egl", "osmesa"))))))
 
 
 def _last_line(text: str) -> str:

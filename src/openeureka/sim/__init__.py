@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from importlib.util import find_spec
 
-import mujoco
 import torch
 
 from ..errors import ConfigError
+from ..opengl import mujoco
 from .base import GUESS, Capacity, Simulator, Worlds, capacity
 from .cpu import CpuSimulator
 
