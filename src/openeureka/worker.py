@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +32,6 @@ from .types.bounds import Count
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
 MAX_BLOBS = 4 << 30
-CGROUPS = Path("/sys/fs/cgroup")
 MAX_SAID = 1 << 20
 """Bytes of what a child prints that are kept while it is at work: a task that prints in each step fills no disk."""
 MOST_NICE = 10
@@ -58,37 +57,6 @@ def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
     if "PYTHONPATH" in found:
         found["PYTHONPATH"] = os.pathsep.join(filter(None, found["PYTHONPATH"].split(os.pathsep)))
     return found
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on, or as many as its control groups get the time of, where that is less: as in
-    `docker run --cpus=2` and under Kubernetes."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores, math.ceil(min(_quotas(), default=cores))))
-
-
-def _quotas() -> Iterator[float]:
-    """Cores that each control group of this process gets, where limited. In a container its own may be the root."""
-    for line in _lines(Path("/proc/self/cgroup")):
-        number, controllers, group = line.split(":", 2)
-        if number == "0":
-            root, names = CGROUPS, ("cpu.max",)
-        elif "cpu" in controllers.split(","):  # the older kind of groups
-            root, names = CGROUPS / "cpu", ("cpu.cfs_quota_us", "cpu.cfs_period_us")
-        else:
-            continue
-        folder = root / group.lstrip("/")
-        for place in (folder, *folder.parents):
-            said = " ".join(line for name in names for line in _lines(place / name)).split()
-            if place.is_relative_to(root) and len(said) == 2 and all(map(str.isdigit, said)):  # else `max`, or -1
-                yield int(said[0]) / max(1, int(said[1]))
-
-
-def _lines(file: Path) -> list[str]:
-    try:
-        return file.read_text().splitlines()
-    except OSError:
-        return []
 
 
 class WorkerDied(WorkerError):
@@ -189,10 +157,12 @@ class _Reader:
 class Worker:
     """Parent's end: runs `python -m module` in its own process group and exchanges frames with it.
 
+    The child finds the modules that this process finds, after all others: a task may lie beside a script or a notebook,
+    and packages where only PYTHONPATH names them.
+
     Args:
         module: import path whose `__main__` opens a `Channel`.
-        env: the child's whole environment; None inherits this process's. Unless it is empty, the child also finds the
-            modules that this process finds, after all others: a task may lie beside a script or a notebook.
+        env: the child's whole environment; None inherits this process's.
         nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
             waits for: it has the share of a session of its own, however much this process yields.
         max_header, max_blobs: caps on what the child may send, in bytes.
@@ -211,7 +181,7 @@ class Worker:
         # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
         # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-        last = [root, *map(os.path.abspath, sys.path)] if env is None or env else [root]
+        last = [root, *map(os.path.abspath, sys.path)]
         code = (
             f"import os, sys, runpy; os.nice({nice or 0}); sys.path.insert(0, {root!r}); import openeureka; "
             f"del sys.path[0]; sys.path += {last!r}; runpy.run_module({module!r}, run_name='__main__')"
@@ -274,6 +244,10 @@ class Worker:
         end = self._stderr.seek(0, os.SEEK_END)
         self._stderr.seek(max(0, end - size))
         return self._stderr.read().decode(errors="replace").strip()
+
+    def last_words(self) -> str:
+        """The last line of what the child wrote to stderr, as of a traceback."""
+        return (self.stderr_tail().splitlines() or [""])[-1].strip()
 
     def close(self) -> None:
         """Kill the child's process group, also where the child has ended and left others, and reap it; safe to call

@@ -17,6 +17,7 @@ from unittest.mock import Mock
 import pytest
 import torch
 
+from openeureka import worker as workers
 from openeureka.errors import SandboxUnavailable, WorkerError
 from openeureka.reward import gate
 from openeureka.sandbox import client, confine, server
@@ -97,7 +98,7 @@ def test_memory_is_bounded(sandbox: Sandbox, body: str) -> None:
 
 
 def test_the_environment_holds_nothing_of_ours(sandbox: Sandbox) -> None:
-    own = "{'LC_CTYPE', 'TORCHINDUCTOR_CACHE_DIR'}"  # set by Python and torch themselves
+    own = "{'LC_CTYPE', 'LD_LIBRARY_PATH', 'TORCHINDUCTOR_CACHE_DIR'}"  # Python and torch set the others
     verdict = run(sandbox, f"import os\nraise ValueError(sorted(set(os.environ) - {own}))")
     assert verdict.findings[0].message == "ValueError: []"
 
@@ -109,6 +110,23 @@ def test_root_becomes_nobody(sandbox: Sandbox) -> None:
     )
     # getgroups itself is not among the allowed calls
     assert "PermissionError" in verdict.findings[0].message
+
+
+def test_a_server_that_cannot_start_gives_the_last_line_and_gets_the_path_of_libraries_alone(monkeypatch) -> None:
+    given = {}
+
+    def broken(_: str, *, env: dict[str, str], max_blobs: int) -> workers.Worker:
+        given.update(env)
+        return workers.Worker("openeureka.no_such_module", env=env)
+
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/opt/lib")
+    monkeypatch.setattr(client, "Worker", broken)
+    with pytest.raises(WorkerError) as caught, Sandbox(STATE, RECORDED, unsafe=True):
+        pass
+    assert given == {"LD_LIBRARY_PATH": "/opt/lib"}
+    assert str(caught.value).startswith("The sandbox server did not start: ")
+    assert str(caught.value).endswith("No module named openeureka.no_such_module")
+    assert "Traceback" not in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_child_that_cannot_be_confined_runs_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from ..cores import usable_cores
 from ..errors import ConfigError, ModelError
 from ..executors import cluster
 from ..executors.local import devices
@@ -18,7 +19,6 @@ from ..llm import weights
 from ..numbers import columns
 from ..parsing import parse
 from ..sandbox import confine
-from ..worker import usable_cores
 from .settings import DoctorConfig
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import torch
 
+from ..cores import usable_cores
 from ..sim import check_device
 from ..tasks import registry
 from ..types import LaneSpec, TrainBudget, TrainingEvent
-from ..worker import usable_cores
 from . import retry, scheduler
 from .retry import Errand
 from .transport import SILENCE, Processes, Seat

@@ -143,7 +143,7 @@ class ProcessCall:
             frame = self.worker.receive(self._silence if self.worker.ready(0.0) else 0.0)
         except (WorkerDied, WorkerTimeout) as error:
             ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
-            parts = (f"Training stopped: {error}", ending, *self.worker.stderr_tail().splitlines()[-1:])
+            parts = (f"Training stopped: {error}", ending, self.worker.last_words())
             raise WorkerError(" ".join(filter(None, parts))) from None
         self._heard = time.monotonic()
         if "broken" in frame.header:

@@ -80,7 +80,7 @@ def _first_that_works(
                     answer = _video(worker, timeout)
             except (WorkerDied, WorkerTimeout) as error:
                 late |= isinstance(error, WorkerTimeout)
-                reasons.append(f"{backend}: {worker.ending() or _last_line(worker.stderr_tail()) or error}")
+                reasons.append(f"{backend}: {worker.ending() or worker.last_words() or error}")
                 continue
         if "refused" in answer.header:
             raise VideoUnavailable(answer.header["refused"])
@@ -110,7 +110,3 @@ def _backends() -> list[str]:
     """What a person chose, then what needs no display; nothing else where they want none."""
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     return list(dict.fromkeys(filter(None, (chosen, *(() if chosen in _NONE else ("egl", "osmesa"))))))
-
-
-def _last_line(text: str) -> str:
-    return text.splitlines()[-1].strip() if text else ""

@@ -8,9 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
+from ..cores import usable_cores
 from ..errors import ModelError, WorkerError
 from ..types import Message, Prompt, Reply, Usage
-from ..worker import Worker, usable_cores
+from ..worker import Worker
 
 MAX_TOKENS = 900
 """Of one answer; programs of three to five terms have 170 to 200."""
@@ -107,7 +108,7 @@ class LocalModel:
         return answer
 
     def _died(self, worker: Worker) -> ModelError:
-        last = (worker.stderr_tail().splitlines() or ["it said nothing"])[-1]
+        last = worker.last_words() or "it said nothing"
         self.close()
         return ModelError(
             f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with AVX2. "

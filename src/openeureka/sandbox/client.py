@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import time
@@ -147,7 +148,7 @@ class Sandbox:
 
     def _start(self) -> Worker:
         tensors = self._tensors
-        worker = Worker("openeureka.sandbox.server", env={}, max_blobs=2 * server.MAX_ANSWER)
+        worker = Worker("openeureka.sandbox.server", env=_environment(), max_blobs=2 * server.MAX_ANSWER)
         header = {
             "spec": self.state,
             "numbers": {name: value for name, value in self.recorded.items() if name not in tensors},
@@ -164,9 +165,9 @@ class Sandbox:
                 f"The sandbox did not start within {_START_SECONDS:g} s; have less run beside it, then try again."
             ) from None
         except WorkerError:
-            tail = worker.stderr_tail(500)
+            said = worker.ending() or worker.last_words()
             worker.close()
-            raise WorkerError(f"The sandbox server did not start: {tail or 'no message'}") from None
+            raise WorkerError(f"The sandbox server did not start: {said or 'no message'}") from None
         if problem:
             worker.close()
             raise SandboxUnavailable(f"The sandbox cannot run a program it knows to be good: {problem}")
@@ -185,6 +186,11 @@ class Sandbox:
                 self.close()
                 outcome = "silent" if isinstance(error, WorkerTimeout) else "crashed"
         return Frame({"outcome": outcome})
+
+
+def _environment() -> dict[str, str]:
+    """The server's: no secret, only where a cluster's modules keep the libraries that torch loads as it starts."""
+    return {name: os.environ[name] for name in ("LD_LIBRARY_PATH",) if name in os.environ}
 
 
 def _accepted(graph: RewardGraph) -> _Judgement:

@@ -10,7 +10,7 @@ import torch
 from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
-from ..worker import usable_cores
+from ..cores import usable_cores
 from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator, derives
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL

@@ -154,7 +154,7 @@ class Link:
         except WorkerTimeout:
             raise TaskError(f"{self._python} does not begin to run within {STARTING:.0f} s.") from None
         except WorkerDied:
-            said = " ".join(self._worker.stderr_tail().splitlines()[-1:]) or "it says nothing"
+            said = self._worker.last_words() or "it says nothing"
             raise TaskError(f"{self._python} does not run the server of environments: {said.rstrip('.')}.") from None
         if hello.get("version") != VERSION:
             raise TaskError(
@@ -179,7 +179,7 @@ class Link:
                 f"{self._python} did not come to an end of {doing} `{self._env}` in {patience:g} s."
             ) from None
         except WorkerDied:
-            parts = (self._worker.ending(), *self._worker.stderr_tail().splitlines()[-1:])
+            parts = (self._worker.ending(), self._worker.last_words())
             self._worker.close()
             said = " ".join(filter(None, parts))
             raise WorkerError(f"{self._python} ended during {doing} `{self._env}`. {said}".rstrip()) from None
