@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 from collections.abc import Iterable
 
 
@@ -70,6 +71,21 @@ class WorkerError(EurekaError):
     """A worker process died or hung more often than it may."""
 
     exit_code = 7
+
+
+_USED_UP = {errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
+
+
+def lacking(error: OSError) -> str:
+    """What a machine has no more of or lacks, and what to do; empty where the error speaks of something else."""
+    if error.errno in _USED_UP:
+        return (
+            f"This machine gives no more processes, open files or memory ({error.strerror}): raise `ulimit -u` and "
+            "`ulimit -n` or the container's limits, or use fewer threads=."
+        )
+    if error.errno == errno.ENOENT and "temporary directory" in str(error.strerror):
+        return "There is no folder for temporary files: set TMPDIR to one that can be written."
+    return ""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

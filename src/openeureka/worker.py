@@ -19,14 +19,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
 from . import codec
 from .codec import DecodeError
-from .errors import WorkerError
+from .errors import WorkerError, lacking
 from .types.bounds import Count
 
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
@@ -166,6 +166,9 @@ class Worker:
         nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
             waits for: it has the share of a session of its own, however much this process yields.
         max_header, max_blobs: caps on what the child may send, in bytes.
+
+    Raises:
+        WorkerError: where this machine has no room for a process, or no folder for temporary files.
     """
 
     def __init__(
@@ -194,11 +197,19 @@ class Worker:
         self._reader = _Reader(self._stdout.fileno(), max_header, max_blobs)
 
     def _start(self, command: Sequence[str], env: Mapping[str, str] | None, **pipes: Any) -> None:
-        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        fcntl.fcntl(self._stderr, fcntl.F_SETFL, fcntl.fcntl(self._stderr, fcntl.F_GETFL) | os.O_APPEND)
-        self.process = subprocess.Popen(
-            command, env=environment(env), start_new_session=True, **{"stderr": self._stderr, **pipes}
-        )
+        """Raises WorkerError where this machine has no room for a process, and OSError for no such program."""
+        try:
+            with ExitStack() as failing:
+                self._stderr: IO[bytes] = failing.enter_context(tempfile.TemporaryFile())
+                fcntl.fcntl(self._stderr, fcntl.F_SETFL, fcntl.fcntl(self._stderr, fcntl.F_GETFL) | os.O_APPEND)
+                self.process = subprocess.Popen(
+                    command, env=environment(env), start_new_session=True, **{"stderr": self._stderr, **pipes}
+                )
+                failing.pop_all()  # it lives as long as the process
+        except OSError as error:
+            if said := lacking(error):
+                raise WorkerError(said) from None
+            raise
 
     def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
         """Send one frame. Raises WorkerDied when the child is gone."""
@@ -316,10 +327,12 @@ class Stranger(Worker):
             with tempfile.TemporaryFile() as printed:
                 command = [python, "-c", code, *map(str, numbers)]
                 self._start(command, env, stdin=subprocess.DEVNULL, stdout=printed, pass_fds=numbers)
-        except OSError as error:
+        except (OSError, WorkerError) as error:
             self._stdin.close()
             self._stdout.close()
-            raise WorkerDied(f"{python} cannot be started: {error.strerror}.") from None
+            if isinstance(error, WorkerError):
+                raise
+            raise WorkerDied(lacking(error) or f"{python} cannot be started: {error.strerror}.") from None
         finally:
             os.close(theirs_in)
             os.close(theirs_out)

@@ -134,6 +134,13 @@ def test_a_place_that_cannot_be_used_is_one_sentence(monkeypatch, capsys, error)
     assert capsys.readouterr().err.startswith(f"Cannot use outputs/x: {os.strerror(error)}.")
 
 
+@pytest.mark.parametrize("error", [errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM])
+def test_a_machine_that_gives_nothing_more_is_one_sentence(monkeypatch, capsys, error):
+    fail_with(OSError(error, os.strerror(error)), monkeypatch)
+    assert run("context") == 5
+    assert f"no more processes, open files or memory ({os.strerror(error)}): raise `ulimit" in capsys.readouterr().err
+
+
 def test_a_directory_whose_name_no_disk_takes_is_one_sentence(capsys):
     assert run("show", "x" * 300) == 5
     assert capsys.readouterr().err.startswith(f"Cannot use {'x' * 300}")

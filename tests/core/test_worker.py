@@ -1,16 +1,30 @@
+import errno
 import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 import openeureka
 from openeureka import cores as counted
 from openeureka import worker as workers
-from openeureka.worker import Frame, Worker, WorkerDied, WorkerTimeout, environment, framed, interpreter, unframed
+from openeureka.errors import WorkerError
+from openeureka.film.video import NoRenderer, render
+from openeureka.worker import (
+    Frame,
+    Stranger,
+    Worker,
+    WorkerDied,
+    WorkerTimeout,
+    environment,
+    framed,
+    interpreter,
+    unframed,
+)
 
 HERE = str(Path(__file__).parent)
 SOURCE = str(Path(openeureka.__file__).parents[1])
@@ -61,6 +75,31 @@ def test_a_child_finds_what_its_parent_finds_after_the_standard_library(tmp_path
     for module, env, code in (("beside_the_script", None, 7), ("colorsys", None, 0), ("beside_the_script", {}, 7)):
         with Worker(module, env=env) as child:
             assert child.process.wait(20) == code
+
+
+@pytest.mark.parametrize(
+    ("place", "error", "sentence"),
+    [
+        (
+            "subprocess.Popen",
+            OSError(errno.EAGAIN, "not now"),
+            r"This machine gives no more .*\(not now\): raise",
+        ),
+        (
+            "tempfile.TemporaryFile",
+            FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']"),
+            "There is no folder for temporary files: set TMPDIR to one that can be written.",
+        ),
+    ],
+)
+def test_a_machine_without_room_for_a_process_is_one_sentence(place, error, sentence, monkeypatch):
+    monkeypatch.setattr(place, Mock(side_effect=error))
+    with pytest.raises(WorkerError, match=sentence):
+        Worker("echo_worker")
+    with pytest.raises(WorkerError, match=sentence):
+        Stranger(sys.executable, Path(HERE) / "echo_worker.py", shared=0)
+    with pytest.raises(NoRenderer, match="No video. " + sentence):  # a search then leaves its report without it
+        render("cartpole", "zero")
 
 
 def test_one_place_says_how_python_is_started():

@@ -15,7 +15,7 @@ import typer
 import typer.core
 
 from ..config import FREE_TO_CHANGE, RobustConfig, RunConfig, TrainConfig, TuneConfig
-from ..errors import ConfigError, EurekaError, Interrupted, StoreError
+from ..errors import ConfigError, EurekaError, Interrupted, StoreError, lacking
 from ..text import plain
 from ..version import __version__
 from .settings import (
@@ -350,7 +350,7 @@ _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, err
 
 def _for_a_person(error: BaseException) -> EurekaError | OSError | None:
     """The error that a person can do something about; None where the program is at fault."""
-    if isinstance(error, EurekaError) or (isinstance(error, OSError) and error.errno in _DISK):
+    if isinstance(error, EurekaError) or (isinstance(error, OSError) and (error.errno in _DISK or lacking(error))):
         return error
     # Loading tasks takes long and may be what failed, and a command that loaded none was ended by none.
     if "openeureka.tasks.faults" not in sys.modules:
@@ -363,5 +363,7 @@ def _for_a_person(error: BaseException) -> EurekaError | OSError | None:
 def _sentence(error: EurekaError | OSError) -> str:
     if isinstance(error, EurekaError):
         return str(error)
+    if said := lacking(error):
+        return said
     place = f" {error.filename}" if error.filename else ""
     return f"Cannot use{place}: {error.strerror}. Free space, change its permissions or name another directory."

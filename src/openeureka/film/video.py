@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from ..errors import EurekaError
+from ..errors import EurekaError, WorkerError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
@@ -71,7 +71,7 @@ def _first_that_works(
     for backend in _backends():
         environment = {**os.environ, **manners, "MUJOCO_GL": backend}
         environment.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to what it has loaded, and then loads nothing else
-        with Worker("openeureka.film.render", env=environment, nice=19 if background else None) as worker:
+        with _begun(environment, background) as worker:
             try:
                 worker.send(request, blobs)
                 answer = worker.receive(patience)
@@ -92,6 +92,13 @@ def _first_that_works(
             f"No video: rendering did not begin within {patience:g} s. Try again when the machine is less busy."
         )
     raise NoRenderer(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
+
+
+def _begun(environment: dict[str, str], background: bool) -> Worker:
+    try:
+        return Worker("openeureka.film.render", env=environment, nice=19 if background else None)
+    except WorkerError as error:
+        raise NoRenderer(f"No video. {error}") from None
 
 
 def _video(worker: Worker, timeout: float) -> Frame:
