@@ -4,7 +4,7 @@
     python benchmarks/crashes.py --stride 5         # every fifth point of each mode; kept with --out alone
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. So are searches that cut lanes, that
+programs, a slot that is given up, a person's remarks, final trainings, tryouts. So are searches that cut lanes, that
 screen rewards and that carry a policy on, a training of given rewards, as of `eureka train`, and the fitting of a
 reward's numbers, as of `eureka tune`. Steps are, by mode:
 

@@ -19,7 +19,7 @@ from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import listed, named
 from openeureka.tasks import registry
 from openeureka.tasks.task import Recipe
-from openeureka.types import Evaluation, Peak, TrainingResult, Trial
+from openeureka.types import Evaluation, Peak, TrainingResult, Tryout
 
 Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
 """Results without policies, and held-out scores of policies, by lane id."""
@@ -99,8 +99,8 @@ def _held_out(lanes: Lanes, peaks: Sequence[Peak]) -> dict[str, dict[Peak, Evalu
     log = lanes.store.lanes
     known = {(lane, score.peak): score for lane, score in log.evaluations().items()}
     others = [(lane, peak) for lane, _ in known for peak in peaks if (lane, peak) not in known]
-    lanes.try_out(Trial(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
-    tried = log.trials()
+    lanes.try_out(Tryout(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
+    tried = log.tryouts()
     found: dict[str, dict[Peak, Evaluation]] = {}
     for lane, peak in [*known, *others]:
         score = known.get((lane, peak)) or tried.get(lane, {}).get(hacking.PEAKS[peak])

@@ -107,7 +107,7 @@ def conclude(lanes: Lanes, history: History) -> None:
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
     keep(lanes, best, winner)
     if winner is not None:
-        lanes.try_out(hacking.trials(own, winner, lanes.counted_peaks(own)))
+        lanes.try_out(hacking.tryouts(own, winner, lanes.counted_peaks(own)))
     if confirmed is None:
         store.save_crown(best.sample.place)
 

@@ -34,13 +34,13 @@ RESULT = TrainingResult(
 )
 
 
-def lane(held_out: Evaluation, **trials: Evaluation) -> Tried:
+def lane(held_out: Evaluation, **tryouts: Evaluation) -> Tried:
     """Untrained its policy scores 10."""
-    return Tried(result=RESULT, held_out=held_out, trials={UNTRAINED: score(10.0), **trials})
+    return Tried(result=RESULT, held_out=held_out, tryouts={UNTRAINED: score(10.0), **tryouts})
 
 
 def drifting(before: Evaluation, after: Evaluation, result: TrainingResult = RESULT) -> Tried:
-    return Tried(result=result, held_out=after, trials={"peak of F": before, "peak of own reward": after})
+    return Tried(result=result, held_out=after, tryouts={"peak of F": before, "peak of own reward": after})
 
 
 @pytest.mark.parametrize(
@@ -62,9 +62,9 @@ def test_what_was_learnt_is_not_known_where_no_untrained_policy_played() -> None
     assert "80% of what was learnt is lost" in hacking.fragility(half)
     staged = dataclasses.replace(half, result=dataclasses.replace(RESULT, env_steps=9, steps_before=4))
     assert hacking.fragility(staged) == hacking.fragility(half)
-    older = dataclasses.replace(half, trials={"mass +10 %": score(30.0)})
+    older = dataclasses.replace(half, tryouts={"mass +10 %": score(30.0)})
     assert hacking.fragility(older) == ""
-    undefined = dataclasses.replace(half, trials={**half.trials, UNTRAINED: score(None)})
+    undefined = dataclasses.replace(half, tryouts={**half.tryouts, UNTRAINED: score(None)})
     assert hacking.fragility(undefined) == ""
 
 
@@ -83,8 +83,8 @@ def test_a_score_below_zero_is_measured_alike() -> None:
     assert hacking.drift(drifting(score(-2.0), score(-3.7), below))
     assert not hacking.drift(drifting(score(-2.0), score(-3.5), below))
     for lost, seen in ((3.9, False), (4.1, True)):
-        trials = {UNTRAINED: score(-10.0), "mass +10 %": score(-2.0 - lost)}
-        assert bool(hacking.fragility(Tried(result=below, held_out=score(-2.0), trials=trials))) is seen
+        tryouts = {UNTRAINED: score(-10.0), "mass +10 %": score(-2.0 - lost)}
+        assert bool(hacking.fragility(Tried(result=below, held_out=score(-2.0), tryouts=tryouts))) is seen
 
 
 def test_a_policy_that_learnt_nothing_has_nothing_to_lose_in_a_changed_world() -> None:
@@ -141,13 +141,13 @@ def test_concentration_is_half_of_f_in_its_highest_twentieth(share: float | None
     ],
 )
 def test_fragility_is_half_of_what_was_learnt_lost_in_a_changed_world(changed: float, seen: bool) -> None:
-    trials = {name: score(105.0) for name in WORLDS} | {"mass -10 %": score(changed)}
-    assert bool(hacking.fragility(lane(score(110.0), **trials))) is seen
+    tryouts = {name: score(105.0) for name in WORLDS} | {"mass -10 %": score(changed)}
+    assert bool(hacking.fragility(lane(score(110.0), **tryouts))) is seen
 
 
 def test_fragility_names_the_worst_world() -> None:
-    trials = {"mass +10 %": score(40.0), "friction -10 %": score(30.0)}
-    assert hacking.fragility(lane(score(110.0), **trials)) == (
+    tryouts = {"mass +10 %": score(40.0), "friction -10 %": score(30.0)}
+    assert hacking.fragility(lane(score(110.0), **tryouts)) == (
         "With friction -10 % held-out F is 30 instead of 110: 80% of what was learnt is lost."
     )
 
@@ -179,14 +179,14 @@ def test_a_policy_that_breaks_the_physics_in_more_than_one_episode_of_a_hundred_
 
 def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
     late = dataclasses.replace(RESULT, lane="a-s2", best_fitness=peak(4))  # F and the own reward peak together
-    trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})
-    assert [(t.lane, t.name, t.peak) for t in trials] == [
+    tryouts = hacking.tryouts({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})
+    assert [(t.lane, t.name, t.peak) for t in tryouts] == [
         ("a-s1", "peak of F", "fitness"),
         *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),
         ("a-s2", "untrained", "reward"),
     ]
-    assert [(t.dynamics.mass, t.dynamics.friction) for t in trials[1:5]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
-    assert [t.name for t in trials if t.untrained] == ["untrained"] and trials[-1].dynamics == NOMINAL
+    assert [(t.dynamics.mass, t.dynamics.friction) for t in tryouts[1:5]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
+    assert [t.name for t in tryouts if t.untrained] == ["untrained"] and tryouts[-1].dynamics == NOMINAL
 
 
 def test_the_score_of_the_policy_that_is_judged_stands_for_its_peak() -> None:

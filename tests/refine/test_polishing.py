@@ -139,7 +139,7 @@ def test_the_score_that_the_policy_was_chosen_by_does_not_stand_for_one_to_compa
     assert view.polished is not None and "noise" not in tables.polished(view, view.polished).note
     noisy = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
     assert "have the noise of training" in tables.polished(replace(view, evaluations=noisy), view.polished).note
-    found = replace(view, trials={}).polished  # as before both are judged
+    found = replace(view, tryouts={}).polished  # as before both are judged
     assert found is not None and found.before is None
 
 

@@ -439,7 +439,7 @@ def test_a_search_whose_numbers_stay_keeps_the_policy_that_it_found_and_tried(tm
         with Store.open(tmp_path / name, wanted) as store:
             model = ScriptedModel([reply(7.0), reply(12.0)])
             run(wanted, store, model, ToyChecker(), Settled(), TOY, strategies.make(wanted))
-            assert store.best() is not None and store.best().lane in store.lanes.trials()
+            assert store.best() is not None and store.best().lane in store.lanes.tryouts()
         return RunView.read(tmp_path / name)
 
     alone, fitted_too = search("alone", 0), search("fitted", 8)

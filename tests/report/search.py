@@ -80,7 +80,7 @@ def run(history: History, results: Sequence[TrainingResult] = (), evaluations: S
         ),
         results={r.lane: r for r in results},
         evaluations={e.lane: e for e in evaluations},
-        trials={},
+        tryouts={},
         usage=Usage(prompt_tokens=1200, completion_tokens=340, cost_usd=0.0125),
         videos={},
     )

@@ -23,7 +23,7 @@ def judged(concentration: float) -> RunView:
     kept = next(lane for lane in scores if lane.endswith("-s2"))
     heavier = Evaluation(lane=kept, fitness=40.0, episode_length=9.0, episodes=4, error=0.25)
     tried = {"mass +10 %": heavier, "untrained": dataclasses.replace(heavier, fitness=1.0)}
-    return dataclasses.replace(run, evaluations=scores, trials={kept: tried})
+    return dataclasses.replace(run, evaluations=scores, tryouts={kept: tried})
 
 
 def test_a_sign_is_flagged_on_the_page_in_the_file_and_in_the_terminal(tmp_path: Path) -> None:
@@ -49,9 +49,9 @@ def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> N
     run = judged(0.06)
     unplayed = {
         lane: {name: dataclasses.replace(score, fitness=None, episodes=0) for name, score in tried.items()}
-        for lane, tried in run.trials.items()
+        for lane, tried in run.tryouts.items()
     }
-    report = words(html.report(dataclasses.replace(run, trials=unplayed), tmp_path))
+    report = words(html.report(dataclasses.replace(run, tryouts=unplayed), tmp_path))
     assert report.count("| not seen |") == 2 and "| not looked at |" in report
     assert "as the task has it" not in report
 
@@ -59,8 +59,8 @@ def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> N
 def test_where_no_untrained_policy_played_what_was_learnt_is_not_known(tmp_path: Path) -> None:
     """As in runs of an older version."""
     run = judged(0.06)
-    older = {lane: {"mass +10 %": tried["mass +10 %"]} for lane, tried in run.trials.items()}
-    report = words(html.report(dataclasses.replace(run, trials=older), tmp_path))
+    older = {lane: {"mass +10 %": tried["mass +10 %"]} for lane, tried in run.tryouts.items()}
+    report = words(html.report(dataclasses.replace(run, tryouts=older), tmp_path))
     assert report.count("| not seen |") == 2 and "| fails in a slightly changed world | not looked at |" in report
     assert "| mass +10 % | 40.00 ± 0.25 |" in report
 

@@ -259,7 +259,7 @@ def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path
     before = (tmp_path / db.FILENAME).read_bytes()
     with Store.view(tmp_path) as store:
         assert store.config == CONFIG
-        assert store.lanes.trials() == {} and store.ranks == "played"
+        assert store.lanes.tryouts() == {} and store.ranks == "played"
     assert (tmp_path / db.FILENAME).read_bytes() == before
 
 

@@ -25,7 +25,7 @@ from openeureka.types import (
     RewardProgram,
     TrainBudget,
     TrainingResult,
-    Trial,
+    Tryout,
 )
 
 SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, components=())
@@ -39,23 +39,23 @@ def signs() -> dict[str, tuple[Sign, ...]]:
     specs = [LaneSpec(id=name, program=program, seed=1) for name, program in programs.items()]
     population = Population("cartpole", specs, TrainBudget(env_steps=16 * 32 * 40, worlds=32), threads=1)
     results = {message.lane: message for message in population.train() if isinstance(message, TrainingResult)}
-    trials = {
-        f"{spec} {trial.name}": trial
+    tryouts = {
+        f"{spec} {tryout.name}": tryout
         for spec, result in results.items()
-        for trial in (
-            Trial(lane=spec, name="peak of own reward", peak="reward"),
-            *hacking.trials({spec: result}, kept=spec, peaks={spec: "reward"}),
+        for tryout in (
+            Tryout(lane=spec, name="peak of own reward", peak="reward"),
+            *hacking.tryouts({spec: result}, kept=spec, peaks={spec: "reward"}),
         )
     }
     peaks = {(spec, "fitness"): result.best_fitness for spec, result in results.items()}
     peaks |= {(spec, "reward"): result.best_reward for spec, result in results.items()}
-    policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.lane, trial.peak])}
-    dynamics = {key: trial.dynamics for key, trial in trials.items()}
-    untrained = {key: 1 for key, trial in trials.items() if trial.untrained}
+    policies = {key: peak.policy for key, tryout in tryouts.items() if (peak := peaks[tryout.lane, tryout.peak])}
+    dynamics = {key: tryout.dynamics for key, tryout in tryouts.items()}
+    untrained = {key: 1 for key, tryout in tryouts.items() if tryout.untrained}
     scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, untrained=untrained, episodes=32, threads=1)
     found: dict[str, dict[str, Evaluation]] = {spec: {} for spec in results}
     for score in scores:
-        found[trials[score.lane].lane][trials[score.lane].name] = score
+        found[tryouts[score.lane].lane][tryouts[score.lane].name] = score
     held_out = {spec: replace(found[spec]["peak of own reward"], peak="reward") for spec in results}
     return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found), {}) for spec in results}
 

@@ -167,15 +167,15 @@ def new(words: Sequence[str]) -> None:
         warnings.simplefilter("ignore", UserWarning)  # MuJoCo's, on how the model's file is written
         drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
         with _written(path, drafted.text):
-            trial, rest = _try(path, 1.0), _try(path, 0.0)
-    task = trial.task
+            moved, rest = _try(path, 1.0), _try(path, 0.0)
+    task = moved.task
     sizes = f"{task.num_observations} observations, {task.num_actions} actions"
     print(f"Wrote {path}: {', '.join(filter(None, (sizes, task.description)))}.")
     _say_what_counts(path, drafted, described=bool(task.description))
     if drafted.guessed:
         _say_what_is_guessed(path, drafted.guessed)
-    if trial.bad:
-        _say_what_breaks(trial.bad, at_rest=rest.bad > 0)
+    if moved.bad:
+        _say_what_breaks(moved.bad, at_rest=rest.bad > 0)
     elif rest.ended:
         _say_what_falls(path, STEPS * task.control_dt)
     print("Read it, and say what you want of the robot. Then")
@@ -206,7 +206,7 @@ def _written(path: Path, text: str) -> Generator[None]:
         raise
 
 
-class _Trial(NamedTuple):
+class _Tried(NamedTuple):
     task: Task
     bad: int
     """Worlds whose physics broke down."""
@@ -214,14 +214,14 @@ class _Trial(NamedTuple):
     """Whether an episode ended before its time."""
 
 
-def _try(path: Path, size: float) -> _Trial:
+def _try(path: Path, size: float) -> _Tried:
     """Random play with actions up to this size."""
     simulation = registry.make(str(path), worlds=TRIED)
     simulation.scored = False
     simulation.reset()
     actions = [(torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size for _ in range(STEPS)]
     steps = [simulation.step(action) for action in actions]
-    return _Trial(simulation.task, simulation.bad_total, any(bool(step.terminated.any()) for step in steps))
+    return _Tried(simulation.task, simulation.bad_total, any(bool(step.terminated.any()) for step in steps))
 
 
 def _say_what_is_guessed(path: Path, actuators: Sequence[str]) -> None:

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 from ..numbers import number
 from ..score import ERRORS, breach
-from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Trial
+from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Tryout
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""
@@ -30,7 +30,7 @@ WORLDS: Mapping[str, Dynamics] = {
 }
 """The changed worlds that the final policy is tried in."""
 UNTRAINED = "untrained"
-"""The trial of the policy that the seed begins with, in the task's own world."""
+"""The tryout of the policy that the seed begins with, in the task's own world."""
 PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
 """Names of the scores of a training's policies."""
 
@@ -59,12 +59,12 @@ class Tried:
 
     result: TrainingResult
     held_out: Evaluation
-    trials: Mapping[str, Evaluation]
+    tryouts: Mapping[str, Evaluation]
     """By name: those of `WORLDS` and `UNTRAINED` for the policy that is kept, and of `PEAKS` where those are two
     policies."""
 
 
-def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Trial]:
+def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Tryout]:
     """What has to be tried before `signs` can tell.
 
     Args:
@@ -73,14 +73,14 @@ def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str,
         peaks: of each, the policy that has a held-out score already.
     """
     drifting = [
-        Trial(lane=lane, name=PEAKS[other], peak=other)
+        Tryout(lane=lane, name=PEAKS[other], peak=other)
         for lane, result in results.items()
         if _two(result)
         for other in ("fitness", "reward")
         if other != peaks[lane]
     ]
-    changed = [Trial(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
-    return [*drifting, *changed, Trial(lane=kept, name=UNTRAINED, peak=peaks[kept], untrained=True)]
+    changed = [Tryout(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
+    return [*drifting, *changed, Tryout(lane=kept, name=UNTRAINED, peak=peaks[kept], untrained=True)]
 
 
 def tried(
@@ -91,10 +91,10 @@ def tried(
     """Everything known of the final trainings, of those that left a policy.
 
     Args:
-        others: scores in trials, by lane id and name.
+        others: scores in tryouts, by lane id and name.
     """
     return [
-        Tried(result=result, held_out=own, trials={**others.get(lane, {}), PEAKS[own.peak]: own})
+        Tried(result=result, held_out=own, tryouts={**others.get(lane, {}), PEAKS[own.peak]: own})
         for lane, result in results.items()
         if (own := held_out.get(lane)) is not None and own.peak is not None
     ]
@@ -132,7 +132,7 @@ def drift(lane: Tried) -> str:
     Both policies play the same held-out episodes, so that the peak of F is not flattered by having been picked.
     """
     first, last = lane.result.best_fitness, lane.result.best_reward
-    before, after = lane.trials.get(PEAKS["fitness"]), lane.trials.get(PEAKS["reward"])
+    before, after = lane.tryouts.get(PEAKS["fitness"]), lane.tryouts.get(PEAKS["reward"])
     if first is None or last is None or before is None or after is None:
         return ""
     loss = _loss(before, after)
@@ -180,14 +180,14 @@ def fragility(lane: Tried) -> str:
     losses = {
         name: loss
         for name in WORLDS
-        if (changed := lane.trials.get(name)) is not None and (loss := _loss(lane.held_out, changed)) is not None
+        if (changed := lane.tryouts.get(name)) is not None and (loss := _loss(lane.held_out, changed)) is not None
     }
     worst = max(losses, key=losses.__getitem__, default="")
-    gained = learnt(lane.held_out, lane.trials.get(UNTRAINED))
+    gained = learnt(lane.held_out, lane.tryouts.get(UNTRAINED))
     if not worst or gained is None or losses[worst] <= FRAGILE * gained:
         return ""
     return (
-        f"With {worst} held-out F is {number(lane.trials[worst].fitness, 3)} instead of "
+        f"With {worst} held-out F is {number(lane.tryouts[worst].fitness, 3)} instead of "
         f"{number(lane.held_out.fitness, 3)}: {losses[worst] / gained:.0%} of what was learnt is lost."
     )
 

@@ -37,7 +37,7 @@ from ..types import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    Trial,
+    Tryout,
     lane_id,
 )
 from .schedule import RUNGS, WHOLE, Ladder
@@ -366,18 +366,16 @@ class Lanes:
         self.store.lanes.save_evaluations([dataclasses.replace(score, peak=ids[score.lane]) for score in scores])
         return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
-    def try_out(self, trials: Iterable[Trial], *, starts: int = HELD_OUT, episodes: int = 0) -> None:
+    def try_out(self, tryouts: Iterable[Tryout], *, starts: int = HELD_OUT, episodes: int = 0) -> None:
         """Take the scores that the store does not hold yet.
 
         Args:
             starts: whether on the start states of `evaluate`, those for choosing, for comparing, or of robust policies.
-            episodes: of each trial; 0 for as many as a final score needs.
+            episodes: of each tryout; 0 for as many as a final score needs.
         """
-        known = self.store.lanes.trials()
-        missing = {
-            f"{trial.lane} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.lane, {})
-        }
-        policies = {key: self.store.lanes.policy(trial.lane, trial.peak) for key, trial in missing.items()}
+        known = self.store.lanes.tryouts()
+        missing = {f"{one.lane} {one.name}": one for one in tryouts if one.name not in known.get(one.lane, {})}
+        policies = {key: self.store.lanes.policy(tryout.lane, tryout.peak) for key, tryout in missing.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
@@ -388,9 +386,9 @@ class Lanes:
             self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics, untrained=untrained
         )
         for score in play:
-            trial = missing[score.lane]
-            peak = None if trial.untrained else trial.peak
-            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=peak))
+            tryout = missing[score.lane]
+            peak = None if tryout.untrained else tryout.peak
+            self.store.lanes.save_tryout(tryout.name, dataclasses.replace(score, lane=tryout.lane, peak=peak))
 
 
 def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:

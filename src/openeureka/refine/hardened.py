@@ -36,7 +36,7 @@ HARD: Mapping[str, Dynamics] = {
 start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
-# Trials are called by what follows here. Scores are looked up by these names, and nothing takes a name apart.
+# Tryouts are called by what follows here. Scores are looked up by these names, and nothing takes a name apart.
 SWEEP = "sweep"
 """A policy in the task's own world, beside those of `swept`."""
 UNTRAINED = "sweep untrained"
@@ -123,7 +123,7 @@ class Robust:
 
 def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     """What the store of a run says of it; None where it was not begun."""
-    scores, own = store.lanes.trials(), store.lanes.ranges()
+    scores, own = store.lanes.tryouts(), store.lanes.ranges()
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
     known = store.hardening()
     began = known.policy.lane if known is not None else ""
@@ -180,8 +180,8 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], lim
 
 def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
     """How far a lane's policy carries along each quantity, as far as it was tried."""
-    trials, known = store.lanes.trials(), store.hardening()
-    scores, began = trials.get(lane, {}), trials.get(known.policy.lane, {}) if known is not None else {}
+    tryouts, known = store.lanes.tryouts(), store.hardening()
+    scores, began = tryouts.get(lane, {}), tryouts.get(known.policy.lane, {}) if known is not None else {}
     nominal = scores.get(SWEEP)
     gained = learnt(nominal, began.get(UNTRAINED))
 

@@ -33,7 +33,7 @@ from ..types import (
     Prompt,
     Ranges,
     Start,
-    Trial,
+    Tryout,
 )
 from ..types.dynamics import SCALES
 from .hardened import (
@@ -91,7 +91,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     store.save_hardening(training)
     lanes.tell(Began("evaluate"))
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
-    untrained = Trial(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=True)
+    untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=True)
     lanes.try_out([*sweep(began, robot.quantities), untrained], starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
@@ -113,7 +113,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
     # Not held out as a final score is: the policy that all begin from may have been chosen by that.
-    hard = [trial for own in judged for trial in hard_trials(own, robot.quantities)]
+    hard = [tryout for own in judged for tryout in hard_tryouts(own, robot.quantities)]
     lanes.try_out(hard, starts=ROBUST, episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.lanes.ranges()[ours]), arms[ours])
@@ -163,22 +163,22 @@ def _best(store: Store) -> PolicyId:
     return found
 
 
-def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Trial]:
+def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Tryout]:
     """A policy in the task's own world, and with each quantity changed alone."""
     worlds = {SWEEP: NOMINAL}
     worlds |= {swept(name, value): Dynamics(**{name: value}) for name in quantities for value in GRID[name]}
-    return trials(policy, worlds)
+    return tryouts(policy, worlds)
 
 
-def trials(policy: PolicyId, worlds: Mapping[str, Dynamics]) -> list[Trial]:
+def tryouts(policy: PolicyId, worlds: Mapping[str, Dynamics]) -> list[Tryout]:
     """Of one policy, by what they are called."""
-    return [Trial(lane=policy.lane, name=name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
+    return [Tryout(lane=policy.lane, name=name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
 
 
-def hard_trials(policy: PolicyId, quantities: Sequence[str], choosing: Peak | None = None) -> list[Trial]:
+def hard_tryouts(policy: PolicyId, quantities: Sequence[str], choosing: Peak | None = None) -> list[Tryout]:
     """Of one policy in hard worlds and in its own; see `hardened.in_world`."""
     worlds = hard_worlds(quantities)
-    return trials(policy, {in_world(world, choosing): dynamics for world, dynamics in worlds.items()})
+    return tryouts(policy, {in_world(world, choosing): dynamics for world, dynamics in worlds.items()})
 
 
 def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
@@ -291,16 +291,16 @@ def _share(share: float | None, fitness: float | None) -> str:
 
 def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     """Which of a lane's policies does best in hard worlds, on start states for choosing."""
-    choosing = [trial for peak in PEAKS for trial in hard_trials(PolicyId(lane.id, peak), quantities, peak)]
+    choosing = [tryout for peak in PEAKS for tryout in hard_tryouts(PolicyId(lane.id, peak), quantities, peak)]
     lanes.try_out(choosing, starts=CHOOSING, episodes=CHOOSING_EPISODES)
-    found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.cost_limits)
+    found = chosen(lanes.store.lanes.tryouts().get(lane.id, {}), lanes.config.cost_limits)
     return (found.peak if found is not None else None) or PEAKS[0]
 
 
 def _worth(lanes: Lanes, lane: str) -> tuple[float, float]:
     """To rank lanes by, on start states for choosing."""
     limits = lanes.config.cost_limits
-    return worth(chosen(lanes.store.lanes.trials().get(lane, {}), limits), limits)
+    return worth(chosen(lanes.store.lanes.tryouts().get(lane, {}), limits), limits)
 
 
 def written(ranges: Ranges) -> str:

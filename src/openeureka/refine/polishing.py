@@ -15,12 +15,12 @@ from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
 from ..score import breach, gain, worth
 from ..stats import Estimate
 from ..store import Store
-from ..types import PEAKS, Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
+from ..types import PEAKS, Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Tryout
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
 COMPARED = "carried on"
-"""What the trial of both policies is called."""
+"""What the tryout of both policies is called."""
 PARTS = 8
 """Of a training's steps; a lane takes one of them where the settings do not say."""
 
@@ -46,8 +46,8 @@ def polish(lanes: Lanes) -> None:
     leader = _leader(lanes.play(results), config.cost_limits)
     tell(Began("evaluate"))
     both = [policy for policy in (began, leader) if policy is not None]
-    lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
-    scores = _compared(log.trials())
+    lanes.try_out([Tryout(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
+    scores = _compared(log.tryouts())
     better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.cost_limits))
     best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
     if best != began:
@@ -78,9 +78,9 @@ def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
     return {name: program for name, program in programs.items() if isinstance(program, RewardGraph)}
 
 
-def _compared(trials: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:
+def _compared(tryouts: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:
     """What policies scored when they were compared, by lane id."""
-    return {lane: own[COMPARED] for lane, own in trials.items() if COMPARED in own}
+    return {lane: own[COMPARED] for lane, own in tryouts.items() if COMPARED in own}
 
 
 def _leader(played: Mapping[str, Evaluation], limits: Limits) -> PolicyId | None:
@@ -137,7 +137,7 @@ def read(
     lanes: Mapping[str, Lane],
     results: Mapping[str, TrainingResult],
     played: Mapping[str, Evaluation],
-    trials: Mapping[str, Mapping[str, Evaluation]],
+    tryouts: Mapping[str, Mapping[str, Evaluation]],
     best: PolicyId | None,
     limits: Limits,
 ) -> Polished | None:
@@ -146,7 +146,7 @@ def read(
     Args:
         lanes: by id, as all that follows.
         played: what lanes scored when they were played to choose by.
-        trials: what they were tried in, by name.
+        tryouts: what they were tried in, by name.
         best: `LaneLog.best_policy`.
         limits: of the run.
     """
@@ -157,7 +157,7 @@ def read(
     ]
     if not tries:
         return None
-    began, scores = tries[0].start.policy, _compared(trials)
+    began, scores = tries[0].start.policy, _compared(tryouts)
     chosen = next((one for one in tries if one.lane.id in scores), None)
     return Polished(
         tries=tuple(tries),

@@ -235,7 +235,7 @@ def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None
 def exploits(run: RunView) -> Table:
     """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
-    looked = worlds(run).rows and any(UNTRAINED in lane.trials for lane in run.tried)
+    looked = worlds(run).rows and any(UNTRAINED in lane.tryouts for lane in run.tried)
     unseen = {Kind.FRAGILITY: "not seen" if looked else "not looked at"}
     rows = [
         (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))
@@ -252,8 +252,8 @@ def worlds(run: RunView) -> Table:
     rows = [
         (name, scored(score))
         for lane in run.tried
-        if any(score.episodes + score.lost for name, score in lane.trials.items() if name in WORLDS)
-        for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
+        if any(score.episodes + score.lost for name, score in lane.tryouts.items() if name in WORLDS)
+        for name, score in {"as the task has it": lane.held_out, **lane.tryouts}.items()
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
     ]
     fitted = run.fitted is not None

@@ -51,7 +51,7 @@ class RunView:
     results: Mapping[str, TrainingResult]
     """By lane; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
-    trials: Mapping[str, Mapping[str, Evaluation]]
+    tryouts: Mapping[str, Mapping[str, Evaluation]]
     """Further held-out scores of the best reward's policies, by lane id and name (see `method.hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
@@ -92,7 +92,7 @@ class RunView:
                 lanes=store.lanes.all(),
                 results=results,
                 evaluations=store.lanes.evaluations(),
-                trials=store.lanes.trials(),
+                tryouts=store.lanes.tryouts(),
                 usage=store.talk.usage(),
                 played=played,
                 ranks=store.ranks,
@@ -130,7 +130,7 @@ class RunView:
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
         best, limits = self.best_policy, self.config.cost_limits
-        return polishing.read(self.lanes, self.results, self.played, self.trials, best, limits)
+        return polishing.read(self.lanes, self.results, self.played, self.tryouts, best, limits)
 
     @property
     def given(self) -> dict[str, Arm]:
@@ -218,11 +218,11 @@ class RunView:
     def tried(self) -> tuple[Tried, ...]:
         """The best reward's final trainings with all their held-out scores; empty before those are taken."""
         best = self.history.entry(self.crown)
-        if best is None or not self.trials:
+        if best is None or not self.tryouts:
             return ()
         arms = final_lanes(self.config, [best], self.results, self.evaluations)
         final = {lane: self.results[lane] for lane in arms[best.candidate_id]}
-        return tuple(hacking.tried(final, self.evaluations, self.trials))
+        return tuple(hacking.tried(final, self.evaluations, self.tryouts))
 
     @property
     def signs(self) -> tuple[Sign, ...]:

@@ -186,12 +186,13 @@ class LaneLog:
         if artifacts.exists(self._directory, _paused(lane)):
             artifacts.remove(self._directory, _paused(lane))
 
-    def save_trial(self, name: str, evaluation: Evaluation) -> None:
-        """Keep what a lane's policy scored in the trial `name` (see `method.hacking.trials`)."""
+    def save_tryout(self, name: str, evaluation: Evaluation) -> None:
+        """Keep what a lane's policy scored in the tryout `name` (see `method.hacking.tryouts`)."""
+        # Files keep the name that the table had: another one would be another schema.
         self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
 
-    def trials(self) -> dict[str, dict[str, Evaluation]]:
-        """Scores by lane id and name of the trial."""
+    def tryouts(self) -> dict[str, dict[str, Evaluation]]:
+        """Scores by lane id and name of the tryout."""
         found: dict[str, dict[str, Evaluation]] = {}
         for row in self._database.rows("trials"):
             score = dict(row)

@@ -49,7 +49,7 @@ from .training import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    Trial,
+    Tryout,
     lane_id,
     of_components,
 )
@@ -114,7 +114,7 @@ __all__ = [
     "TrainingProgress",
     "TrainingResult",
     "TrainingState",
-    "Trial",
+    "Tryout",
     "Usage",
     "Verdict",
     "VerdictCode",

@@ -312,8 +312,8 @@ class Evaluation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """One more held-out score to be taken of a final training."""
+class Tryout:
+    """One more held-out score to be taken of a training, of another policy or in another world."""
 
     lane: str
     name: str
