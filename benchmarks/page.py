@@ -32,7 +32,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, Playwright, sync_playwright
 from records import command_line, conditions, results, write
 
 from openeureka import strategies
@@ -51,6 +51,10 @@ PACED = CANDIDATES - CONFIG.sample
 """Replies from here on, those of the last generation, are followed."""
 SMALL = RunConfig(env="toy", model="scripted", sample=2, iteration=2, refill=0, seeds=2)
 RUNS = 500
+PAUSE = 2.0
+"""[s] between two replies."""
+REPEATS = 5
+"""Loads, of which the median counts."""
 SETTLED = 60
 """[s] after the last change; a page that costs much to make is made anew that rarely."""
 EPOCHS, COMPONENTS, LINES = 1000, 8, 90
@@ -101,6 +105,13 @@ def film() -> bytes:
 def show_films(directory: Path, picture: bytes) -> None:
     for lane in (directory / "lanes").glob(f"*-s{CONFIG.seed}"):
         (lane / VIDEO).write_bytes(picture)
+
+
+def chromium(playwright: Playwright) -> Browser:
+    """Headless, the one that is installed."""
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    options = ["--no-sandbox"] if os.geteuid() == 0 else []
+    return playwright.chromium.launch(executable_path=path, args=options)
 
 
 @contextmanager
@@ -161,7 +172,7 @@ def runs(root: Path, count: int) -> None:
         shutil.copytree(first, root / f"run-{number:03}")
 
 
-def listed(browser: Browser, root: Path, count: int, repeats: int) -> dict[str, object]:
+def listed(browser: Browser, root: Path, count: int) -> dict[str, object]:
     """[s] until all runs of a folder are in the page, and the processor time of the server for that: medians."""
 
     def seconds(go: Callable[[], object], page: Page) -> float:
@@ -171,7 +182,7 @@ def listed(browser: Browser, root: Path, count: int, repeats: int) -> dict[str, 
         return time.perf_counter() - begun
 
     first, worked, again, quiet = [], [], [], {}
-    for repeat in range(repeats):
+    for repeat in range(REPEATS):
         with served(root) as (process, address), browser.new_context() as visitor:
             page, before = visitor.new_page(), server_work(process)
             first.append(seconds(partial(page.goto, address), page))
@@ -187,13 +198,11 @@ def listed(browser: Browser, root: Path, count: int, repeats: int) -> dict[str, 
     }
 
 
-def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
+def measure(folder: Path) -> dict[str, object]:
     directory, picture, model = folder / "run", film(), Paced([reply(n) for n in range(CANDIDATES)])
-    model.pause = pause
+    model.pause = PAUSE
     searching = threading.Thread(target=search_slowly, args=(directory, model))
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    options = ["--no-sandbox"] if os.geteuid() == 0 else []
-    with sync_playwright() as playwright, playwright.chromium.launch(executable_path=path, args=options) as browser:
+    with sync_playwright() as playwright, chromium(playwright) as browser:
         searching.start()
         while model.said < PACED + 1:
             time.sleep(0.1)
@@ -201,14 +210,14 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
         with served(folder) as (process, address):
             page = browser.new_page()
             load(page, address)
-            changing = share(process, page, pause * (CONFIG.sample - 2))
+            changing = share(process, page, PAUSE * (CONFIG.sample - 2))
             searching.join()
             show_films(directory, picture)
             page.wait_for_timeout(1000 * SETTLED)
             quiet = share(process, page, 20)
             page.close()
         first, again, worked = [], [], []
-        for _ in range(repeats):
+        for _ in range(REPEATS):
             with served(folder) as (process, address), browser.new_context() as visitor:
                 page, before = visitor.new_page(), server_work(process)
                 first.append(load(page, address))
@@ -221,28 +230,24 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
         many = folder / "many"
         many.mkdir()
         runs(many, RUNS)
-        listing = listed(browser, many, RUNS, repeats)
+        listing = listed(browser, many, RUNS)
     return {
         "report": {"megabytes": round(len(report.encode()) / 1e6, 2), "seconds": round(wrote, 2)},
         f"list_of_{RUNS}_runs": listing,
         "load_seconds": {"first": round(statistics.median(first), 2), "again": round(statistics.median(again), 2)},
         "server_seconds_of_the_first_load": round(statistics.median(worked), 2),
-        "repeats": repeats,
-        "share_of_a_core": {f"a reply every {pause:g} s": changing, "nothing happens": quiet},
+        "repeats": REPEATS,
+        "share_of_a_core": {f"a reply every {PAUSE:g} s": changing, "nothing happens": quiet},
     }
 
 
 def main() -> None:
-    parser = command_line(__doc__)
-    parser.add_argument("--pause", type=float, default=2.0, help="[s] between two replies")
-    parser.add_argument("--repeats", type=int, default=5, help="loads, of which the median counts")
-    parser.add_argument("--out", type=Path, default=results("page"))
-    options = parser.parse_args()
+    command_line(__doc__).parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = measure(Path(folder), options.pause, options.repeats)
+        found = measure(Path(folder))
     found |= {"candidates": CANDIDATES, **conditions()}
     print(json.dumps(found, indent=1))
-    write(options.out, found)
+    write(results("page"), found)
 
 
 if __name__ == "__main__":

@@ -10,15 +10,11 @@ from __future__ import annotations
 
 import argparse
 import lzma
-import os
 import re
-import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -28,6 +24,9 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 from openeureka.report.view import RunView
 from openeureka.store import is_run
 from openeureka.store.db import FILENAME
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from page import chromium, served
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 REPLIES = IMAGES.parents[1] / "benchmarks" / "choosing" / "ballbalance.json"
@@ -54,19 +53,6 @@ def unpack(rows: Iterable[str], folder: Path) -> None:
     for name in rows:
         (folder / name).mkdir()
         (folder / name / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{name}.sqlite.xz").read_bytes()))
-
-
-@contextmanager
-def served(root: Path) -> Iterator[str]:
-    """The address of a page, with its token."""
-    with subprocess.Popen([*EUREKA, "ui", str(root), "port=0"], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        address = re.search(r"http\S+", process.stdout.readline())
-        assert address is not None
-        try:
-            yield address[0]
-        finally:
-            process.send_signal(signal.SIGINT)
 
 
 def addresses(run: Path, page: str) -> dict[str, str]:
@@ -103,17 +89,12 @@ def main() -> None:
     parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--all", type=Path)
     options = parser.parse_args()
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    words = ["--no-sandbox"] if os.geteuid() == 0 else []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         run = options.run or Path(folder) / "ballbalance"
         if not run.exists():
             unpack(ROWS, run.parent)
             subprocess.run([*EUREKA, "run", *SEARCH, f"dir={run}"], check=True)
-        with (
-            playwright.chromium.launch(executable_path=path, args=words) as browser,
-            served(run.parent) as entrance,
-        ):
+        with chromium(playwright) as browser, served(run.parent) as (_, entrance):
             page = browser.new_page()
             page.goto(entrance)
             found = addresses(run, re.sub(r"//\S+@", "//", entrance.removesuffix("open")))
