@@ -98,7 +98,7 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     return [*found, ("human", "human")]
 
 
-def measure(env: str, seed: int, threads: int) -> None:
+def measure(env: str, seed: int) -> None:
     """Train what is missing of one task and seed, play it, and write it down.
 
     Raises:
@@ -106,7 +106,7 @@ def measure(env: str, seed: int, threads: int) -> None:
     """
     entry: Record = read(RESULTS).get(env, {})
     agree(entry, recipe := whole(env, env_steps=STEPS[env]), env)
-    config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0, threads=threads)
+    config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
     with comparing(config, OUTPUTS / "choosing" / env, Script()) as lanes:
         store = lanes.store
         rewards = programs(env, store)
@@ -260,9 +260,8 @@ if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
-    parser.add_argument("--threads", type=int, default=0)
     options = parser.parse_args()
     for seed in options.seeds:
         for env in options.env:
             print(f"{env}, seed {seed}", flush=True)
-            measure(env, seed, options.threads)
+            measure(env, seed)

@@ -97,8 +97,8 @@ def _timed(function: Callable[..., Any], part: str, spent: dict[str, float]) -> 
     return call
 
 
-def measure(env: str, worlds: int, repeats: int) -> Record:
-    """Microseconds of CPU time per environment step."""
+def measure(env: str, repeats: int, worlds: int = 0) -> Record:
+    """Microseconds of CPU time per environment step; 0 worlds of a lane means those of the recipe."""
     worlds = worlds or registry.get(env).recipe.worlds
     pairs = [(bare(env, LANES * worlds), training(env, worlds)) for _ in range(repeats)]
     physics, whole = [pair[0] for pair in pairs], [pair[1][0] for pair in pairs]
@@ -131,13 +131,12 @@ def _microseconds(found: Record) -> list[float]:
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
-    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     torch.set_num_threads(1)  # threads that wait by spinning would count as work
     for env in options.env or TASKS:
-        found = measure(env, options.worlds, options.repeats)
+        found = measure(env, options.repeats)
         keep(options.out, env, found)
         print(env, json.dumps(found), flush=True)
 

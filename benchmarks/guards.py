@@ -25,6 +25,7 @@ from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingR
 
 ENVS = ("cartpole", "ant")
 LANES = 8
+PAIRS, EPOCHS = 9, 12
 
 
 class Pace(NamedTuple):
@@ -88,12 +89,10 @@ def compare(
 
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--pairs", type=int, default=9)
-    parser.add_argument("--epochs", type=int, default=12)
     parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, kept nowhere")
     parser.add_argument("--out", type=Path, default=results("guards"))
     options = parser.parse_args()
-    pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
+    pairs, epochs = (1, 1) if options.tiny else (PAIRS, EPOCHS)
     found = {
         "guarded_over_unguarded": {env: compare(env, Population, Unguarded, pairs, epochs) for env in ENVS},
         "lanes": LANES,

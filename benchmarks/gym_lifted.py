@@ -29,6 +29,7 @@ NAMES = (
     *("Reacher", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"),
 )
 ROUNDS = 3
+WORLDS = 256
 RESULTS = results("gym_lifted")
 TITLES = ("environment", "on lanes, steps/s", "Gymnasium, steps/s", "ratio", "ratio per core")
 
@@ -76,12 +77,12 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     ]
 
 
-def measure(name: str, worlds: int, steps: int) -> Record:
+def measure(name: str, steps: int) -> Record:
     """Each arm in turn, several times."""
     cores = os.cpu_count() or 1
     arms = {
-        "lanes": lambda: lifted(name, worlds, steps),
-        "gymnasium, one process": lambda: vector(name, worlds, steps, "sync"),
+        "lanes": lambda: lifted(name, WORLDS, steps),
+        "gymnasium, one process": lambda: vector(name, WORLDS, steps, "sync"),
         # A process for each environment: more of them than cores only wait for each other.
         "gymnasium, a process a core": lambda: vector(name, cores, steps, "async"),
     }
@@ -89,7 +90,7 @@ def measure(name: str, worlds: int, steps: int) -> Record:
     rates = {arm: round(statistics.median(each[arm] for each in rounds)) for arm in arms}
     ratio = round(rates["lanes"] / theirs(rates), 2)
     told = conditions("mujoco", "torch", "gymnasium")
-    return {"steps_per_second": rates, "ratio": ratio, "worlds": worlds, **told}
+    return {"steps_per_second": rates, "ratio": ratio, "worlds": WORLDS, **told}
 
 
 def theirs(rates: Mapping[str, int]) -> int:
@@ -105,12 +106,11 @@ def per_core(rates: Mapping[str, int], cores: int) -> float:
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", default=NAMES)
-    parser.add_argument("--worlds", type=int, default=256)
     parser.add_argument("--steps", type=int, default=50)
     parser.add_argument("--out", type=Path, default=RESULTS)
     given = parser.parse_args()
     for name in given.names:
-        found = measure(name, given.worlds, given.steps)
+        found = measure(name, given.steps)
         keep(given.out, name, found)
         print(f"{name}: {found['steps_per_second']}, {found['ratio']} times as fast", flush=True)
 

@@ -28,6 +28,9 @@ from openeureka.tasks import registry
 from openeureka.types import Generation, TrainingProgress, lane_id
 
 STEPS = {"cartpole": 3e5, "ballbalance": 4e5, "quadcopter": 6e5, "ant": 6e5, "humanoid": 5e5}  # of a lane
+SAMPLE = 16
+"""Of each arm."""
+TEMPERATURE = 1.0
 
 
 class Enough(Exception):
@@ -44,16 +47,16 @@ def first_generation(env: str, model: str, options: argparse.Namespace) -> RunVi
         if isinstance(event, Generation) or (before and not options.train):
             raise Enough
 
-    directory = options.dir / env / re.sub(r"\W+", "_", model)
+    directory = OUTPUTS / "local_model" / env / re.sub(r"\W+", "_", model)
     try:
         openeureka.search(
             env,
             model=model,
             search="eureka",
-            sample=options.sample,
+            sample=SAMPLE,
             iteration=1,
             refill=0,
-            temperature=options.temperature,
+            temperature=TEMPERATURE,
             seed=options.seed,
             steps=options.steps or STEPS.get(env, 0),
             video="none",
@@ -115,7 +118,7 @@ def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
 def shared(env: str, options: argparse.Namespace) -> Record:
     """The settings that all arms of a row have."""
     steps = int(options.steps or STEPS.get(env) or registry.get(env).recipe.env_steps)
-    return {"seed": options.seed, "temperature": options.temperature, "env_steps_per_lane": steps}
+    return {"seed": options.seed, "temperature": TEMPERATURE, "env_steps_per_lane": steps}
 
 
 def joined(known: Record, found: Record) -> Record:
@@ -127,12 +130,9 @@ def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--model", action="append", help="an arm as `model=` names it; may be repeated")
-    parser.add_argument("--sample", type=int, default=16, help="samples of an arm")
-    parser.add_argument("--temperature", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for a short budget")
     parser.add_argument("--train", action=argparse.BooleanOptionalAction, default=True)
-    parser.add_argument("--dir", type=Path, default=OUTPUTS / "local_model", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=results("local_model"))
     options = parser.parse_args()
     for env in options.env or STEPS:

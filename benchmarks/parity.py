@@ -34,6 +34,7 @@ from openeureka.stats import difference
 from openeureka.tasks import registry
 
 RESULTS = results("parity")
+WORLDS = 512
 TAIL = 0.1  # the share of epochs at the end whose mean F is compared
 
 
@@ -176,15 +177,13 @@ def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", default="ant")
     parser.add_argument("--steps", type=int, default=1_000_000, help="of each run, down to whole epochs")
-    parser.add_argument("--worlds", type=int, default=512)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--dir", type=Path, default=OUTPUTS / "parity", help="where the runs are kept")
     parser.add_argument("--tiny", action="store_true", help="one seed of 20,000 steps, kept nowhere")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     sleep_when_idle()
     steps, seeds = (20_000, 1) if options.tiny else (options.steps, options.seeds)
-    found = compare(options.env, steps, options.worlds, seeds, options.dir)
+    found = compare(options.env, steps, WORLDS, seeds, OUTPUTS / "parity")
     print(f"ours - rsl_rl: {found['difference']:+.3f}; spread over seeds {found['standard_deviation']}")
     if not options.tiny:
         keep(options.out, options.env, found)

@@ -42,11 +42,8 @@ TITLES = (
 def measure(options: argparse.Namespace, env: str) -> None:
     """Train what is missing of a task, and write down what it scores."""
     steps = options.steps or choosing.STEPS[env]
-    config = RunConfig(
-        env=env, model=NO_MODEL, video="none", steps=steps, worlds=options.worlds, device=options.device,
-        threads=options.threads,
-    )  # fmt: skip
-    with comparing(config, options.outputs / env, Script()) as lanes:
+    config = RunConfig(env=env, model=NO_MODEL, video="none", steps=steps)
+    with comparing(config, OUTPUTS / "polish" / env, Script()) as lanes:
         log, rewards = lanes.store.lanes, choosing.programs(env, lanes.store)[-options.rewards :]
         for seed in options.seeds:
             judge(lanes, lanes.train(deal(rewards, [seed], "given")))
@@ -66,7 +63,7 @@ def measure(options: argparse.Namespace, env: str) -> None:
             for name, lane in log.all().items()
             if name in scores
         }
-    found = {"steps": steps, "parent": parent._asdict(), "lanes": records, **machine(options.device)}
+    found = {"steps": steps, "parent": parent._asdict(), "lanes": records, **machine("cpu")}
     keep(options.out, env, found)
 
 
@@ -145,10 +142,6 @@ def main() -> None:
     parser.add_argument("--shares", type=float, nargs="+", default=[0.0], help="of fresh weights")
     parser.add_argument("--steps", type=int, default=0, help="of each training from scratch, instead of choosing.py's")
     parser.add_argument("--rewards", type=int, default=0, help="only the last so many, the human one among them")
-    parser.add_argument("--worlds", type=int, default=0)
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--outputs", type=Path, default=OUTPUTS / "polish")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     for env in options.env:

@@ -53,15 +53,13 @@ def measure(env: str, arm: str, entry: Record, options: argparse.Namespace) -> R
         seeds=entry["seeds"],
         steps=entry["steps"],
         worlds=entry["worlds"],
-        device=options.device,
-        threads=options.threads,
         dir=str(options.dir / f"{env}_{arm}"),
     )
     lanes = {
         lane: {**record(result, held_out), "progress": furthest(result)}
         for lane, (result, held_out) in learn(config, PEAKS).items()
     }
-    return {"lanes": lanes, **machine(options.device)}
+    return {"lanes": lanes, **machine("cpu")}
 
 
 def furthest(result: TrainingResult) -> Record:
@@ -114,16 +112,13 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--env", choices=tasks(), nargs="+", default=tasks())
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--steps", type=float, default=STEPS, help="environment steps of a lane")
-    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--tiny", action="store_true", help="two epochs of a few worlds, short episodes")
     parser.add_argument("--left", action="store_true", help="train nothing")
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "progress", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args(words)
     for env in options.env:
-        worlds, steps = options.worlds or get(env).recipe.worlds, int(options.steps)
+        worlds, steps = get(env).recipe.worlds, int(options.steps)
         if options.tiny:
             worlds, steps = 8, 8 * get(env).recipe.horizon * 2
         wanted = {"steps": steps, "worlds": worlds, "seeds": 1 if options.tiny else options.seeds}

@@ -20,6 +20,7 @@ from openeureka.training.population import Population
 from openeureka.types import LaneSpec, Ranges, TrainBudget
 
 ENVS = ("cartpole", "ant", "anymal")
+PAIRS, EPOCHS = 5, 4
 RESULTS = results("randomise")
 TITLES = ("task", "steps a second, of those without", "lowest and highest pair", "by processor time")
 
@@ -47,12 +48,10 @@ def _row(env: str, found: Record) -> list[str]:
 
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--pairs", type=int, default=5)
-    parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, kept nowhere")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
+    pairs, epochs = (1, 1) if options.tiny else (PAIRS, EPOCHS)
     found = {env: compare(env, population(find(env, "wide")), population(None), pairs, epochs) for env in ENVS}
     if not options.tiny:
         write(options.out, {"wide_over_none": found, "epochs": epochs, **conditions("mujoco", "torch")})

@@ -25,6 +25,9 @@ from openeureka.tasks import registry
 from openeureka.tasks.env import BatchedEnv
 
 RESULTS = results("reachable")
+WORLDS = 24
+SECONDS = 240.0
+"""Of search for a task."""
 SEED = 8_000_000
 """Of the start that is searched; those after it are the starts of the plan's episodes."""
 EPISODES = 32
@@ -142,8 +145,6 @@ def _found(record: Record, how: str) -> Sequence[str]:
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", choices=[aim.env for aim in AIMS], nargs="*")
-    parser.add_argument("--worlds", type=int, default=24)
-    parser.add_argument("--seconds", type=float, default=240.0, help="of search for a task")
     parser.add_argument("--again", action="store_true", help="begin with the plan written by hand")
     options = parser.parse_args()
     torch.set_num_threads(1)  # tensors are small
@@ -155,7 +156,7 @@ def main() -> None:
         fresh = options.again or not known
         begun = time.monotonic()
         plan = plan_of(aim, results) if fresh else torch.tensor(known["plan"])
-        plan, nearest, spent = search(aim, plan, worlds=options.worlds, seconds=options.seconds)
+        plan, nearest, spent = search(aim, plan, worlds=WORLDS, seconds=SECONDS)
         steps = aim.steps or registry.get(aim.env).episode_length
         rows = [[round(action, DECIMALS) for action in row] for row in plan.tolist()]
         before = {} if fresh else known
@@ -163,7 +164,7 @@ def main() -> None:
             "f": replay(aim.env, rows, steps, [SEED]),
             "f_of_starts": replay(aim.env, rows, steps, range(SEED, SEED + EPISODES)),
             "nearest": nearest,
-            "worlds": options.worlds,
+            "worlds": WORLDS,
             "search_steps": spent + before.get("search_steps", 0),
             "seconds": round(time.monotonic() - begun + before.get("seconds", 0.0)),
             "seed": SEED,

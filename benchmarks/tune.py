@@ -60,13 +60,13 @@ def spoiled(text: str, seed: int) -> str:
 def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     """One tuning, as far as it is not there yet, and what it found."""
     text = human.program(get(task))
-    names = ("trials", "sample", "seeds", "seed", "worlds", "device")
+    names = ("trials", "sample", "seeds", "seed", "worlds")
     settings = {name: getattr(options, name) for name in names}
     settings["steps"] = options.steps or load(PLAN).per_task[task]["steps"]
     run = openeureka.tune(
         task,
         text if kind == "human" else spoiled(text, options.seed),
-        dir=options.outputs / f"{task}_{kind}_{options.seed}",
+        dir=OUTPUTS / "tune" / f"{task}_{kind}_{options.seed}",
         **settings,
     )
     found = run.tuned
@@ -94,25 +94,25 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
         ],
         "played": [trial.played for trial in found.trials],
         "components": {name: list(pair) for name, pair in found.components.items()},
-        **machine(options.device, "cmaes"),
+        **machine("cpu", "cmaes"),
     }
 
 
 def confirm(name: str, options: argparse.Namespace) -> Record:
     """The reward before and after a tuning that is known, both trained with seeds that had no part in it."""
     task, kind, seed = name.split("/")
-    run = openeureka.open_run(options.outputs / f"{task}_{kind}_{seed}")
+    run = openeureka.open_run(OUTPUTS / "tune" / f"{task}_{kind}_{seed}")
     found, config = run.tuned, run.config
     assert found is not None and found.after
     texts = {trial.name: trial.candidate.source for trial in found.trials}
-    directory = options.outputs / f"{task}_{kind}_{seed}_confirmed"
+    directory = OUTPUTS / "tune" / f"{task}_{kind}_{seed}_confirmed"
     trained = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm)
     before, after = trained.scores
     return {
         "seeds": trained.seeds,
         "held_out": {"before": before, "after": after},
         "difference": fresh.between(before, after),
-        **machine(options.device, "cmaes"),
+        **machine("cpu", "cmaes"),
     }
 
 
@@ -190,8 +190,6 @@ def main() -> None:
     for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
         parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
     parser.add_argument("--confirm", type=fresh.several, default=0, help="fresh seeds for what is known already")
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--outputs", type=Path, default=OUTPUTS / "tune")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     names = [f"{task}/{kind}/{options.seed}" for task in options.tasks.split(",") for kind in options.kinds.split(",")]

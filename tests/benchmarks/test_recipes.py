@@ -176,17 +176,17 @@ def test_lanes_that_are_known_are_neither_trained_nor_stamped_again(asked: list[
     own = {"steps": choosing.STEPS["ant"], "recipe": ledger.whole("ant", env_steps=choosing.STEPS["ant"])}
     known = {"ant": {**own, "lanes": {"a-s0": {"training": 5.0, "trained": {"date": "2020-01-01"}}}}}
     choosing.RESULTS.write_text(json.dumps(known))
-    choosing.measure("ant", 0, 0)
+    choosing.measure("ant", 0)
     found = told(choosing.RESULTS)["ant"]
     assert asked == ["b-s0"] and found["lanes"]["a-s0"] == known["ant"]["lanes"]["a-s0"]
     assert found["lanes"]["b-s0"]["trained"]["versions"] and set(found) == {"steps", "recipe", "lanes"}
     whole = choosing.RESULTS.read_text()
-    choosing.measure("ant", 0, 0)
+    choosing.measure("ant", 0)
     assert asked == ["b-s0"] and choosing.RESULTS.read_text() == whole
 
 
 def test_other_steps_than_those_that_are_known_are_refused(asked: list[str], monkeypatch: pytest.MonkeyPatch):
-    choosing.measure("ant", 0, 0)
+    choosing.measure("ant", 0)
     monkeypatch.setitem(choosing.STEPS, "ant", 6000)
     with pytest.raises(SystemExit, match="ant with another env_steps"):
-        choosing.measure("ant", 1, 0)
+        choosing.measure("ant", 1)

@@ -61,9 +61,8 @@ def test_more_seeds_are_compared_with_more_seeds_of_the_human_reward():
 
 def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Sum())
-    options = argparse.Namespace(
-        trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, device="cpu", outputs=tmp_path / "outputs", confirm=3
-    )
+    monkeypatch.setattr(tune, "OUTPUTS", tmp_path)
+    options = argparse.Namespace(trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, confirm=3)
     record = tune.measure("cartpole", "human", options)
     assert len(record["held_out"]["before"]) == len(record["held_out"]["after"]) == 2
     assert len(record["played"]) == 5 and len(record["numbers"]) == 6
