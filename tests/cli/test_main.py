@@ -223,6 +223,14 @@ def test_ctrl_c_while_the_command_loads_ends_it_without_a_traceback(during, way)
     assert ended.stderr == ("Stopped.\n" if during == "torch" else "")
 
 
+def test_a_working_directory_that_is_gone_is_one_sentence(monkeypatch, capsys, tmp_path):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert run("stop", "x") == 2
+    assert capsys.readouterr().err == "The working directory is gone; cd to another.\n"
+
+
 def test_what_a_terminal_cannot_show_is_shown_in_another_way():
     words = ["run", "a\\u00b1b\\u2026\\u00e9"]
     code = f'from openeureka.cli.main import main; main([{words[0]!r}, "{words[1]}"])'

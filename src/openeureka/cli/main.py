@@ -300,6 +300,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run a command line and exit. A person's errors are one sentence; programming errors stay loud."""
     _print_anything()
     try:
+        _stand_somewhere()
         app(args=_undashed(sys.argv[1:] if argv is None else argv), prog_name="eureka")
     except (Exception, SystemExit) as raised:
         error = _for_a_person(raised)
@@ -308,6 +309,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         for line in (_sentence(error), *getattr(error, "__notes__", ())):
             print(plain(line), file=sys.stderr)
         raise SystemExit(error.exit_code if isinstance(error, EurekaError) else StoreError.exit_code) from None
+
+
+def _stand_somewhere() -> None:
+    """Raises ConfigError in a directory that somebody has deleted: libraries end there in words of their own."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise ConfigError("The working directory is gone; cd to another.") from None
 
 
 _OPTIONS = ("--help", "--version", "--web", "--json")
