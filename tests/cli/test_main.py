@@ -49,11 +49,12 @@ def test_the_help_of_export_says_which_runs_it_is_for(capsys):
     assert "a gym:, mjlab: or isaaclab: run" in " ".join(capsys.readouterr().out.split())
 
 
-def test_help_imports_nothing_slow():
+@pytest.mark.parametrize("words", [["--help"], ["run", "enf=ant"], ["train", "enf=ant"], ["tune", "enf=ant"]])
+def test_help_and_a_typing_error_import_nothing_slow(words):
     code = (
         "import sys\n"
         "from openeureka.cli.main import main\n"
-        "try: main(['--help'])\n"
+        f"try: main({words})\n"
         "except SystemExit: print(sorted({'torch', 'mujoco', 'openai'} & set(sys.modules)))"
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

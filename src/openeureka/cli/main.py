@@ -16,6 +16,7 @@ import typer.core
 
 from ..config import FREE_TO_CHANGE, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError, lacking
+from ..parsing import parse
 from ..text import plain
 from ..version import __version__
 from .settings import (
@@ -76,15 +77,22 @@ Json = Annotated[bool, typer.Option("--json", help="For programs: print JSON.")]
 RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
+def _fitting(kind: type[RunConfig | TrainConfig | TuneConfig], words: list[str] | None) -> list[str]:
+    """Raises ConfigError for words that do not fit, before what trains is loaded: that takes seconds."""
+    parse(kind, words or [])
+    return words or []
+
+
 @app.command(short_help="Search for a reward and keep the best one, with a report.", epilog=describe(RunConfig))
 def run(words: Settings = None) -> None:
     """Search for a reward and keep the best one, its policy, a video and a report.
 
     Example: eureka run env=cartpole model=random sample=8 iteration=2
     """
+    words = _fitting(RunConfig, words)
     from .train import run
 
-    run(words or [])
+    run(words)
 
 
 _MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # which is the run itself
@@ -165,9 +173,10 @@ def train(words: Settings = None, as_json: Json = False) -> None:
 
     Example: eureka train env=cartpole reward=human,sparse seeds=3
     """
+    words = _fitting(TrainConfig, words)
     from .train import train
 
-    train(words or [], as_json=as_json)
+    train(words, as_json=as_json)
 
 
 @app.command(short_help="Fit the numbers of one reward, its structure kept.", epilog=describe(TuneConfig))
@@ -176,9 +185,10 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
 
     Example: eureka tune env=ant reward=human trials=32
     """
+    words = _fitting(TuneConfig, words)
     from .train import tune
 
-    tune(words or [], as_json=as_json)
+    tune(words, as_json=as_json)
 
 
 @app.command(
