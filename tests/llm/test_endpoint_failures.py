@@ -214,7 +214,8 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),
             "(Error code: 422 - ['body', 'model']: none of ours); mend that",
         ),  # FastAPI
-        (raw(b"<html>welcome</html>"), "does not answer like an OpenAI-compatible endpoint"),
+        (raw(b"<html>welcome</html>"), "an OpenAI-compatible endpoint (its answer is a web page); check base_url"),
+        (raw(b'data: {"choices": []}\n\ndata: [DONE]\n\n'), "endpoint (it streams its answers, which nobody asked for"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'{"object": "list"}'), "an answer without choices"),
@@ -243,8 +244,13 @@ def test_a_redirect_is_not_followed_and_the_key_not_sent_there(endpoint: Endpoin
     endpoint.script = lambda body: (307, "", {"Location": f"{other.url}/chat/completions?token={KEY}"})
     sentence = said(endpoint)
     other.close()
-    assert f"sends requests on to {other.url}/chat/completions; set base_url=" in sentence
+    assert f"sends requests on to {other.url}; set base_url=" in sentence
     assert other.bodies == [] and KEY not in sentence
+
+
+def test_a_redirect_to_another_path_of_the_endpoint_names_the_whole_address(endpoint: Endpoint):
+    endpoint.script = [(308, "", {"Location": "/api/v2/chat/completions"})]
+    assert f"sends requests on to {endpoint.url.removesuffix('/v1')}/api/v2; set base_url=" in said(endpoint)
 
 
 def test_a_redirect_to_no_address_is_one_sentence(endpoint: Endpoint):

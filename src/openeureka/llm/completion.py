@@ -11,6 +11,12 @@ from ..reward import extract
 
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
+_OTHER_FORMS = {
+    "data:": "it streams its answers, which nobody asked for: switch that off there",
+    "event:": "it streams its answers, which nobody asked for: switch that off there",
+    "<": "its answer is a web page",
+}
+"""What an answer is, by how it begins."""
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
 """Reasons to finish a text before its end. Others are taken for good: each endpoint has words of its own for that."""
 
@@ -75,8 +81,13 @@ def _object(body: bytes) -> Mapping[str, Any]:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
+        for beginning, reason in _OTHER_FORMS.items():
+            if text.startswith(beginning):
+                raise Unreadable(reason, broken=False) from None
         # What begins like an object and is none was cut off or damaged on the way.
-        raise Unreadable("an answer that breaks off", broken=not text or text.startswith("{")) from None
+        broken = not text or text.startswith("{")
+        reason = "an answer that breaks off" if broken else "an answer of another form"
+        raise Unreadable(reason, broken=broken) from None
     if not isinstance(data, dict):
         raise Unreadable("an answer of another form", broken=False)
     return data

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from email.utils import parsedate_to_datetime
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import httpx2
 import openai
@@ -80,6 +80,15 @@ def shown(url: str) -> str:
     except ValueError:
         return "what is no address"
     return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
+
+
+def base_of(asked: str, location: str) -> str:
+    """What base_url= would be for the address that a redirect of `asked` names, as it may be shown."""
+    try:
+        target = urljoin(asked, location)
+    except ValueError:
+        return "what is no address"
+    return shown(target).removesuffix("/chat/completions")
 
 
 def delay(headers: Mapping[str, str], attempt: int) -> float:

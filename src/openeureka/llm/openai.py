@@ -278,7 +278,7 @@ class EndpointModel:
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
             return self._busy(_said(error))
         if error.response.is_redirect:
-            target = connection.shown(error.response.headers.get("location", "elsewhere"))
+            target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
         return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300]))
