@@ -7,17 +7,20 @@ import contextlib
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from toys import ToySandbox
 
-from openeureka import strategies
+from openeureka import homes, strategies
 from openeureka.cli import train
 from openeureka.cli.play import play
 from openeureka.cli.show import report, show
 from openeureka.config import RunConfig, TrainConfig
-from openeureka.errors import ConfigError
+from openeureka.errors import ConfigError, ModelError
 from openeureka.film import video
+from openeureka.llm import weights
 from openeureka.loop import run as run_search
 from openeureka.runs import compose, trust
 from openeureka.store import Store
@@ -55,14 +58,20 @@ def foreign(directory: Path, **settings: object) -> Path:
     return directory
 
 
-def test_a_user_without_a_home_is_asked_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    def homeless(_: str) -> str:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setattr(trust.platformdirs, "user_state_dir", homeless)
+@pytest.mark.parametrize("answer", [{"side_effect": RuntimeError("no home")}, {"return_value": "~/.local/state/x"}])
+def test_a_user_without_a_home_is_asked_each_time(
+    answer: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for kind in ("user_state_dir", "user_cache_dir"):  # as old versions of platformdirs and new ones answer
+        monkeypatch.setattr(homes.platformdirs, kind, Mock(**answer))
     config = RunConfig(base_url=ADDRESS, model="m")
     trust.remember(config)
     assert trust.unknown(config)["base_url"] == ADDRESS
+    monkeypatch.delenv("EUREKA_CACHE", raising=False)
+    with pytest.raises(ModelError, match="set EUREKA_CACHE to a folder"):
+        weights.cache_dir()
+    assert not list(tmp_path.iterdir())
 
 
 def at_a_terminal(monkeypatch: pytest.MonkeyPatch, answer: str) -> list[str]:

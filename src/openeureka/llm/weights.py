@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-import platformdirs
 from filelock import FileLock
 
+from .. import homes
 from ..errors import ModelError
 from ..worker import environment, interpreter
 
@@ -58,7 +58,7 @@ def cache_dir() -> Path:
         ModelError: where there is neither.
     """
     try:
-        return Path(os.environ.get("EUREKA_CACHE") or platformdirs.user_cache_dir("openeureka"))
+        return Path(os.environ.get("EUREKA_CACHE") or homes.cache())
     except RuntimeError:
         raise ModelError("This user has no home directory: set EUREKA_CACHE to a folder for the weights.") from None
 

@@ -14,8 +14,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-import platformdirs
-
+from .. import homes
 from ..config import NO_MODEL, RunConfig, TrainConfig
 from ..errors import ConfigError
 from ..executors import EXECUTORS
@@ -156,4 +155,4 @@ def _known() -> frozenset[str]:
 
 def _record() -> Path:
     """Raises RuntimeError for a user without a home directory, as in some containers."""
-    return Path(platformdirs.user_state_dir("openeureka")) / RECORD
+    return homes.state() / RECORD
