@@ -141,6 +141,13 @@ def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     assert list(named(TrainConfig(), listed(f"human,{tmp_path}/human.py"))) == ["human", "human_file"]
 
 
+def test_a_folder_with_commas_ends_no_list(tmp_path):
+    path = tmp_path / "a, b,c" / "reward.py"
+    path.parent.mkdir()
+    path.write_text(GOOD)
+    assert listed(f"human,{path}, sparse,") == ["human", str(path), "sparse"]
+
+
 def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
     for name in ("a", "b c"):
         (tmp_path / name).mkdir()

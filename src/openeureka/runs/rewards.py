@@ -42,8 +42,14 @@ def is_text(program: str | Path) -> bool:
 
 
 def listed(words: str) -> list[str]:
-    """What a text names, separated by commas."""
-    return [word.strip() for word in words.split(",") if word.strip()]
+    """What a text names, separated by commas; a file whose name or folder has commas is one all the same."""
+    names, parts = [], words.split(",")
+    while parts:
+        joined = (size for size in range(len(parts), 1, -1) if os.path.isfile(_file(",".join(parts[:size]).strip())))
+        size = next(joined, 1)
+        names.append(",".join(parts[:size]).strip())
+        del parts[:size]
+    return [name for name in names if name]
 
 
 def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
