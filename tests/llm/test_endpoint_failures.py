@@ -58,9 +58,9 @@ def replaced(**fields: object) -> Play:
     return raw(json.dumps({**json.loads(GOOD), **fields}).encode())
 
 
-def said(endpoint: Endpoint) -> str:
+def said(endpoint: Endpoint, **settings: str) -> str:
     with pytest.raises(ModelError) as caught:
-        sample(endpoint.model(), 1)
+        sample(endpoint.model(**settings), 1)
     return str(caught.value)
 
 
@@ -230,6 +230,18 @@ def test_what_waiting_cannot_mend_is_said_at_once(endpoint: Endpoint, bad: Answe
     endpoint.script = [bad]
     assert sentence in said(endpoint)
     assert endpoint.waits == []
+
+
+@pytest.mark.parametrize("status", [403, 503])
+def test_a_proxy_before_a_server_of_this_machine_is_named(monkeypatch: pytest.MonkeyPatch, status: int):
+    proxy = Endpoint()
+    proxy.script = lambda body: failure(status, "nothing there")
+    monkeypatch.setenv("HTTP_PROXY", proxy.url.replace("http://", "http://me:secret@"))
+    told = said(proxy, base_url="http://localhost:1/v1")
+    assert f" Requests go through the proxy {proxy.url}; NO_PROXY=localhost goes around it." in told
+    monkeypatch.setenv("NO_PROXY", "localhost")
+    assert "proxy" not in said(proxy, base_url="http://localhost:1/v1")
+    proxy.close()
 
 
 def test_an_answer_without_end_is_not_read_into_memory(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):

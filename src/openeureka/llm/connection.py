@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping
 from email.utils import parsedate_to_datetime
 from urllib.parse import urljoin, urlsplit
+from urllib.request import getproxies, proxy_bypass
 
 import httpx2
 import openai
@@ -89,6 +90,16 @@ def base_of(asked: str, location: str) -> str:
     except ValueError:
         return "what is no address"
     return shown(target).removesuffix("/chat/completions")
+
+
+def detour(url: str) -> str:
+    """A sentence on the proxy that stands before the address, as the environment has it; empty where none does."""
+    parts, proxies = urlsplit(url), getproxies()
+    proxy = proxies.get(parts.scheme) or proxies.get("all")
+    if not (proxy and parts.hostname) or proxy_bypass(parts.hostname):
+        return ""
+    proxy = shown(proxy if "://" in proxy else f"http://{proxy}")  # else its password would not be known for one
+    return f" Requests go through the proxy {proxy}; NO_PROXY={parts.hostname} goes around it."
 
 
 def delay(headers: Mapping[str, str], attempt: int) -> float:

@@ -94,6 +94,7 @@ class EndpointModel:
         self._key = connection.api_key(base_url)
         self._client = connection.client(self._key, base_url, TIMEOUT)
         self._where = connection.shown(str(self._client.base_url))
+        self._detour = connection.detour(str(self._client.base_url))
         self._manner = _Manner(temperature)
         self._price = price
         self._wait = wait
@@ -271,8 +272,8 @@ class EndpointModel:
             )
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
-                return ModelError(f"{where} breaks off its answers; try again.")
-            return ModelError(f"{where} cannot be reached; check base_url and the network.")
+                return ModelError(f"{where} breaks off its answers; try again.{self._detour}")
+            return ModelError(f"{where} cannot be reached; check base_url and the network.{self._detour}")
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then go on.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
@@ -281,7 +282,8 @@ class EndpointModel:
             target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
-        return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300]))
+        refused = sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300])
+        return ModelError(refused + self._detour * (error.status_code == 403))  # as proxies answer for what is local
 
     def _unreadable(self, error: Unreadable) -> ModelError:
         if error.broken:
@@ -292,7 +294,9 @@ class EndpointModel:
         )
 
     def _busy(self, said: str) -> ModelError:
-        return ModelError(f"{self._where} cannot answer now ({self._hidden(said)[:300]}); go on when it does.")
+        return ModelError(
+            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); go on when it does.{self._detour}"
+        )
 
     def _hidden(self, text: str) -> str:
         """The text without the key."""
