@@ -119,11 +119,11 @@ def test_a_server_that_cannot_start_gives_the_last_line_and_gets_the_path_of_lib
         given.update(env)
         return workers.Worker("openeureka.no_such_module", env=env)
 
-    monkeypatch.setenv("LD_LIBRARY_PATH", "/opt/lib")
+    monkeypatch.setenv("LD_LIBRARY_PATH", "libraries")
     monkeypatch.setattr(client, "Worker", broken)
     with pytest.raises(WorkerError) as caught, Sandbox(STATE, RECORDED, unsafe=True):
         pass
-    assert given == {"LD_LIBRARY_PATH": "/opt/lib"}
+    assert given == {"LD_LIBRARY_PATH": "libraries"}
     assert str(caught.value).startswith("The sandbox server did not start: ")
     assert str(caught.value).endswith("No module named openeureka.no_such_module")
     assert "Traceback" not in str(caught.value) and "\n" not in str(caught.value)
