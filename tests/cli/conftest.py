@@ -8,7 +8,7 @@ from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def cartpoles_sandbox() -> Iterator[Sandbox]:
     task = get("cartpole")
     with Sandbox(task.spec, record_states("cartpole"), worlds=task.recipe.worlds) as running:
@@ -17,7 +17,7 @@ def cartpoles_sandbox() -> Iterator[Sandbox]:
 
 @pytest.fixture
 def one_sandbox(cartpoles_sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> Sandbox:
-    """Commands on Cartpole judge rewards in one real sandbox, opened once for the module: each takes seconds."""
+    """Commands on Cartpole judge rewards in one real sandbox, opened once: each takes seconds."""
     for place in ("openeureka.runs.rewards", "openeureka.runs.compose"):
         monkeypatch.setattr(f"{place}.Sandbox", lambda *_, **__: nullcontext(cartpoles_sandbox))
     return cartpoles_sandbox

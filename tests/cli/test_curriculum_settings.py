@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from toys import ToySandbox
+from toys import eureka as run
 
-from openeureka.cli import main as command
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.runs import compose, trainers
@@ -45,12 +45,6 @@ def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
     monkeypatch.chdir(tmp_path)
     Path("stages.yaml").write_text("- {set: {episode_length: 100}, steps: 2000}\n- {steps: 1000}\n")
     return staged
-
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as exit:
-        command.main(words)
-    return int(exit.value.code or 0)
 
 
 def test_train_takes_every_reward_through_the_stages_and_leaves_their_policies(toy: StagedTrainer, tmp_path: Path):

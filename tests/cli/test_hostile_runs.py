@@ -11,10 +11,9 @@ import pytest
 from hostile_runs import CASES, SECRET, HostileRun, bystanders
 from report.policies import policy
 from report.scripted import search_in
-from toys import ToySandbox
+from toys import ToySandbox, eureka
 from ui.serving import visitor
 
-from openeureka.cli import main as command
 from openeureka.cli import play
 from openeureka.film import video
 from openeureka.runs import compose
@@ -79,12 +78,6 @@ def rendered(env: str, *_: object, **__: object) -> bytes:
 
 def snapshot(folder: Path) -> dict[str, bytes]:
     return {str(path): path.read_bytes() if path.is_file() else b"" for path in sorted(folder.rglob("*"))}
-
-
-def eureka(*words: object) -> int:
-    with pytest.raises(SystemExit) as exit:
-        command.main([str(word) for word in words])
-    return int(exit.value.code or 0)
 
 
 def assert_harmless(text: str) -> None:

@@ -6,19 +6,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from toys import eureka as run
 
 from openeureka import __version__
 from openeureka.cli import main as command
 from openeureka.config import FREE_TO_CHANGE
 from openeureka.errors import ModelError
-
-
-def run(*words: str) -> int:
-    """Exit code of a command line."""
-    with pytest.raises(SystemExit) as exit:
-        command.main(words)
-    return int(exit.value.code or 0)
-
 
 COMMANDS = sorted(info.callback.__name__ for info in command.app.registered_commands if info.callback)
 

@@ -1,6 +1,6 @@
 import pytest
+from toys import eureka as run
 
-from openeureka.cli import main as command
 from openeureka.cli import tasks
 from openeureka.errors import TaskError
 from openeureka.film.stage import Stage
@@ -23,12 +23,6 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cart.xml").write_text(CART)
     return tmp_path
-
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as exit:
-        command.main(words)
-    return int(exit.value.code or 0)
 
 
 def test_a_task_is_drafted_and_the_next_commands_are_named(robot, capsys):

@@ -9,9 +9,9 @@ import pytest
 import torch
 from filelock import FileLock
 from toys import ToySandbox
+from toys import eureka as run
 
 from openeureka import __main__ as door
-from openeureka.cli import main as command
 from openeureka.cli import remote
 from openeureka.config import RunConfig
 from openeureka.display import log, trackers
@@ -59,12 +59,6 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return monkeypatch
-
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as exit:
-        command.main(words)
-    return int(exit.value.code or 0)
 
 
 def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tmp_path, capsys):

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 from llm.endpoint import Endpoint, answer, failure
-from toys import ToySandbox
+from toys import ToySandbox, eureka
 
-from openeureka.cli import main as command
 from openeureka.runs import compose
 from openeureka.testing.scripted import ToyTrainer, reply
 
@@ -33,12 +32,6 @@ def endpoint(monkeypatch: pytest.MonkeyPatch) -> Iterator[Endpoint]:
     served.script = lambda body: answer(*[f"{reply(3.0)} Bearer {KEY} {ESCAPES}"] * body.get("n", 1))
     yield served
     served.close()
-
-
-def eureka(*words: str) -> int:
-    with pytest.raises(SystemExit) as exit:
-        command.main(words)
-    return int(exit.value.code or 0)
 
 
 def leaking(directory: Path) -> list[str]:

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
+
+from openeureka.cli import main as command
 from openeureka.testing.scripted import ToyChecker
+
+
+def eureka(*words: object) -> int:
+    """Exit code of a command line."""
+    with pytest.raises(SystemExit) as exit:
+        command.main([str(word) for word in words])
+    return int(exit.value.code or 0)
 
 
 class ToySandbox(ToyChecker):
