@@ -105,7 +105,13 @@ def page(chromium: Browser, address: str) -> Iterator[Page]:
         assert not trouble
 
 
+@pytest.fixture(scope="session")
+def one_search(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    script = [reply(7), "no code", reply(8), reply(3)]
+    return search_in(tmp_path_factory.mktemp("searched") / "run", script, iteration=2)
+
+
 @pytest.fixture
-def searched(tmp_path: Path) -> Path:
+def searched(one_search: Path, tmp_path: Path) -> Path:
     """A finished search of two generations, one of its rewards refused."""
-    return search_in(tmp_path / "run", [reply(7), "no code", reply(8), reply(3)], iteration=2)
+    return shutil.copytree(one_search, tmp_path / "run")
