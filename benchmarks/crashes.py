@@ -37,11 +37,10 @@ from openeureka.events import Event, Tell
 from openeureka.loop import run
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
-from openeureka.method.person import EmptyDesk
 from openeureka.refine import tuning
 from openeureka.store import Store, artifacts, say
 from openeureka.store.db import FILENAME, Database
-from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyDesk, ToyTrainer, reply
 from openeureka.types import Candidate, Generation, Place, Prompt, Remark, RemarkKind, Reply
 
 RESULTS = results("crashes")
@@ -72,7 +71,7 @@ class MeteredModel(ScriptedModel):
 
 
 @dataclass
-class Person(EmptyDesk):
+class Person:
     """Says three things of each generation, and none of them twice: who was killed remembers what is kept."""
 
     store: Store
@@ -165,7 +164,7 @@ def whole_screen(directory: Path) -> None:
     """Two generations, of the second of which one of two programs trains."""
     with Store.open(directory, SCREEN) as store:
         model, strategy = MeteredModel(SCREENED, store=store), strategies.make(SCREEN)
-        run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, tell)
+        run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, tell, ToyDesk())
 
 
 GIVEN = replace(CONFIG, model=NO_MODEL, sample=0, iteration=0, feedback="none")

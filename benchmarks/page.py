@@ -37,12 +37,13 @@ from records import command_line, conditions, results, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
+from openeureka.events import nobody
 from openeureka.film.mp4 import encode
 from openeureka.loop import run
 from openeureka.report import html
 from openeureka.report.view import VIDEO, RunView
 from openeureka.store import Store
-from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyDesk, ToyTrainer
 from openeureka.types import LaneSpec, Prompt, Reply, TrainingResult
 
 CONFIG = RunConfig(env="toy", model="scripted", sample=16, iteration=5, refill=0, seeds=3, video="all")
@@ -93,7 +94,7 @@ def reply(worth: int) -> str:
 
 def search_slowly(directory: Path, model: Paced) -> None:
     with Store.open(directory, CONFIG) as store:
-        run(CONFIG, store, model, ToyChecker(), LongTrainer(), TOY, strategies.make(CONFIG))
+        run(CONFIG, store, model, ToyChecker(), LongTrainer(), TOY, strategies.make(CONFIG), nobody, ToyDesk())
 
 
 def film() -> bytes:
@@ -167,7 +168,8 @@ def runs(root: Path, count: int) -> None:
     """Copies of a small finished run."""
     first = root / "run-000"
     with Store.open(first, SMALL) as store:
-        run(SMALL, store, Paced([reply(n) for n in range(4)]), ToyChecker(), ToyTrainer(), TOY, strategies.make(SMALL))
+        model, strategy = Paced([reply(n) for n in range(4)]), strategies.make(SMALL)
+        run(SMALL, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, nobody, ToyDesk())
     for number in range(1, count):
         shutil.copytree(first, root / f"run-{number:03}")
 

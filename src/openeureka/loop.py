@@ -8,11 +8,11 @@ from __future__ import annotations
 from random import Random
 
 from .config import RunConfig
-from .events import Began, Tell, nobody
+from .events import Began, Tell
 from .llm.client import LanguageModel
 from .method import hacking, race, screen
 from .method.lanes import Lanes, beside, deal, programs
-from .method.person import Desk, EmptyDesk, Hearing
+from .method.person import Desk, Hearing
 from .method.reflection import reflect
 from .method.sampling import Checker, Sampler
 from .refine import polishing, tuning
@@ -30,8 +30,8 @@ def run(
     trainer: Trainer,
     context: TaskContext,
     strategy: SearchStrategy,
-    tell: Tell = nobody,
-    desk: Desk | None = None,
+    tell: Tell,
+    desk: Desk,
 ) -> Outcome:
     """Search for `config.generations` generations, less those in the store, then confirm the best reward. Fit its
     numbers and carry its policy on, where the settings say so.
@@ -41,7 +41,7 @@ def run(
     """
     sampler = Sampler(config, store, model, checker, context, tell)
     lanes = Lanes(config, store, trainer, tell, strategy.ranks, strategy.peaks)
-    hearing = Hearing(config, store, desk or EmptyDesk(), tell)
+    hearing = Hearing(config, store, desk, tell)
     history = store.history()
     for generation in history.generations:
         tell(generation)

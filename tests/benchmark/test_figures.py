@@ -3,12 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+from loop.alone import run
+
 from openeureka import strategies
 from openeureka.benchmark import figures
 from openeureka.benchmark.figures import Result
 from openeureka.benchmark.plan import Cell
 from openeureka.config import RunConfig
-from openeureka.loop import run
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, LaneSpec, TrainingResult

@@ -11,6 +11,7 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
+from loop.alone import run as run_search
 from toys import ToySandbox
 
 from openeureka import homes, strategies
@@ -21,7 +22,6 @@ from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, ModelError
 from openeureka.film import video
 from openeureka.llm import weights
-from openeureka.loop import run as run_search
 from openeureka.runs import compose, trust
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from sandbox.states import recorded
 
+from loop.alone import run
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import BudgetError, ModelError, WorkerError
 from openeureka.events import Began, Checked, Event, Tell, nobody
 from openeureka.llm.random import RandomModel
-from openeureka.loop import run
 from openeureka.method import baselines, race
 from openeureka.method.baselines import Baselines
 from openeureka.method.lanes import CHOOSING, HELD_OUT

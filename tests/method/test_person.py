@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, FeedbackError, ModelError, RewardFileError
 from openeureka.events import nobody
-from openeureka.loop import run
-from openeureka.method.person import EmptyDesk
 from openeureka.score import Outcome
 from openeureka.store import Store, read_replies, say
 from openeureka.store.remarks import RemarkLog
@@ -55,7 +54,7 @@ class Person:
         say(self.directory, *self.remarks[self.asked[-1]], GO)
 
 
-class Silent(EmptyDesk):
+class Silent:
     def invite(self, generation: Generation) -> None:
         self.left = 3
 

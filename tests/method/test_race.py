@@ -8,10 +8,10 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
-from openeureka.loop import run
 from openeureka.method import race
 from openeureka.score import Outcome
 from openeureka.stats import difference, spent

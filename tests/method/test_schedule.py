@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from loop.alone import run
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.events import nobody
-from openeureka.loop import run
 from openeureka.method.lanes import Lanes, affordable, deal
 from openeureka.method.schedule import Rung, leaders, why
 from openeureka.report.candidates import CandidateState

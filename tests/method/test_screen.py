@@ -10,11 +10,11 @@ from random import Random
 
 import numpy as np
 import pytest
+from loop.alone import run
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.events import nobody
-from openeureka.loop import run
 from openeureka.method.lanes import Lanes
 from openeureka.method.sampling import Sampler
 from openeureka.method.screen import Rated, choose, fill, rate

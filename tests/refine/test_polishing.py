@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.cli.show import facts, summary
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.loop import run
 from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
 from openeureka.refine.polishing import Polished

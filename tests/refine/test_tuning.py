@@ -12,6 +12,7 @@ from random import Random
 from statistics import median
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.benchmark import figures
@@ -20,7 +21,6 @@ from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
 from openeureka.events import Began, Event, nobody
-from openeureka.loop import run
 from openeureka.method.lanes import Lanes, unused_seed
 from openeureka.method.sampling import Checker
 from openeureka.refine import tuned, tuning

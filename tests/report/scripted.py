@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from loop.alone import run
+
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.events import Tell, nobody
 from openeureka.llm.client import LanguageModel
-from openeureka.loop import run
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
 from openeureka.types import Trainer

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.cli.show import facts, show
 from openeureka.config import RunConfig
 from openeureka.events import nobody
-from openeureka.loop import run
 from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.store import Store, say

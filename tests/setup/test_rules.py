@@ -44,16 +44,18 @@ from pathlib import Path
 
 import openeureka.strategies
 from openeureka.config import RunConfig
+from openeureka.events import nobody
 from openeureka.loop import run
 from openeureka.store import Store
-from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyDesk, ToyTrainer, reply
 
 for module in pkgutil.walk_packages(openeureka.strategies.__path__, "openeureka.strategies."):
     importlib.import_module(module.name)
 config = RunConfig(sample=2, iteration=2, seeds=1, baselines="train")
 with Store.open(Path(sys.argv[1]), config) as store:
     model = ScriptedModel([reply(3.0), reply(8.0), reply(12.0), reply(4.0)])
-    outcome = run(config, store, model, ToyChecker(), ToyTrainer(), TOY, openeureka.strategies.make(config))
+    strategy = openeureka.strategies.make(config)
+    outcome = run(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, nobody, ToyDesk())
 print(outcome.best.fitness, sorted({"torch", "mujoco", "warp"} & set(sys.modules)))
 """
 

@@ -18,11 +18,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
-from openeureka.loop import run
 from openeureka.store import Store, db, read_config, say
 from openeureka.store.schema import MIGRATIONS, OLDEST
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply

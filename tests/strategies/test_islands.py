@@ -1,10 +1,11 @@
 from dataclasses import replace
 from random import Random
 
+from loop.alone import run
+
 from openeureka.config import RunConfig
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.registry import ReplayModel
-from openeureka.loop import run
 from openeureka.method import prompts
 from openeureka.store import Store, read_replies
 from openeureka.strategies import make

@@ -4,11 +4,11 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from loop.alone import run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.loop import run
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import History, PromptPlan

@@ -30,15 +30,6 @@ class Desk(Protocol):
         ...
 
 
-class EmptyDesk:
-    """Nobody sits there."""
-
-    def invite(self, generation: Generation) -> None: ...
-
-    def listen(self, seconds: float) -> None:
-        time.sleep(seconds)
-
-
 @dataclass(frozen=True, slots=True)
 class Hearing:
     """Adds to a history what a person says of its last generation.

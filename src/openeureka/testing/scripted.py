@@ -1,4 +1,5 @@
-"""First-class fakes: a model that reads from a script, a checker and a trainer that are pure functions of the program.
+"""First-class fakes: a model that reads from a script, a checker and a trainer that are pure functions of the program,
+and a desk where nobody sits.
 
 A whole search with them takes milliseconds and needs no torch, no physics and no weights.
 """
@@ -19,6 +20,7 @@ from ..types import (
     Episodes,
     Evaluation,
     Finding,
+    Generation,
     LaneSpec,
     Node,
     Prompt,
@@ -169,6 +171,15 @@ class ToyTrainer:
         """The nearer a state is to the number that a program returns, the more that pays."""
         states = [state for one in episodes for state in decode(list[float], one.states)]
         return {name: [-abs(state - _number(program)) for state in states] for name, program in programs.items()}
+
+
+class ToyDesk:
+    """Nobody sits there: to listen would be to wait for ever."""
+
+    def invite(self, generation: Generation) -> None: ...
+
+    def listen(self, seconds: float) -> None:
+        raise AssertionError("a search listens, and nobody is there who could say anything")
 
 
 def _episodes(worth: float) -> Episodes:
