@@ -6,8 +6,8 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
+import baselines
 import pytest
 
 import openeureka
@@ -19,15 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import baselines
-
-    return baselines
-
-
-@pytest.fixture
-def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script with toy trainings: human F is 10, sparse 5, plus a hundredth of the seed, one less held out."""
     trainer = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
@@ -36,7 +28,7 @@ def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         """Lanes trained by this call."""
         trainer.trained.clear()
         files = {"--dir": "runs", "--out": "all.json", "--shipped": "shipped.json"}
-        benchmark.main([*words, *(word for key, name in files.items() for word in (key, str(tmp_path / name)))])
+        baselines.main([*words, *(word for key, name in files.items() for word in (key, str(tmp_path / name)))])
         return list(trainer.trained)
 
     return go
@@ -156,7 +148,7 @@ def test_the_package_reads_the_summary(go, tmp_path, monkeypatch):
     assert shipped.known("some/file.py:Task") is None
 
 
-def test_seeds_are_in_their_own_order(benchmark):
+def test_seeds_are_in_their_own_order():
     lane = {
         "fitness_max_over_epochs": 0.0,
         "held_out_at_peak_of_fitness": {"fitness": None, "episode_length": None},
@@ -164,9 +156,9 @@ def test_seeds_are_in_their_own_order(benchmark):
         "training": {"device": "a GPU", "date": "2026-01-01"},
     }
     lanes = {f"human-s{seed}": {**lane, "fitness_max_over_epochs": seed} for seed in reversed(range(12))}
-    entry = benchmark.summary({"ant": {"env_steps": 1, "worlds": 1, "lanes": lanes}})["ant"]
+    entry = baselines.summary({"ant": {"env_steps": 1, "worlds": 1, "lanes": lanes}})["ant"]
     assert entry["human"]["training"] == list(range(12))
 
 
-def test_what_is_shipped_is_the_summary_of_what_was_measured(benchmark):
-    assert benchmark.read(benchmark.SHIPPED) == benchmark.summary(benchmark.read(benchmark.RESULTS))
+def test_what_is_shipped_is_the_summary_of_what_was_measured():
+    assert baselines.read(baselines.SHIPPED) == baselines.summary(baselines.read(baselines.RESULTS))

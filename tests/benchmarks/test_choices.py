@@ -1,12 +1,7 @@
 """What a rung tells of fresh seeds, and schedules compared in the same searches: from scores by hand."""
 
-import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import choices
+import pytest
 import rungs
 
 

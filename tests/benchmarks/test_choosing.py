@@ -1,13 +1,9 @@
 """What a ranking is worth, from the records of lanes."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import choosing
+import pytest
 
 
 def lane(played: float, held_out: float) -> dict[str, Any]:

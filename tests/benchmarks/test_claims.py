@@ -1,29 +1,18 @@
 """A claim holds where the interval over rewards says so, and every group that is compared has replies to repeat."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from types import ModuleType
 
+import claims
 import pytest
 
 from openeureka.reward import extract
-
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def claims(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import claims  # pyright: ignore[reportMissingImports]
-
-    return claims
 
 
 def group(scores: Sequence[float | None]) -> dict[str, object]:
     return {"replies": 8, "scores": list(scores)}
 
 
-def test_a_claim_is_decided_by_its_interval(claims: ModuleType):
+def test_a_claim_is_decided_by_its_interval():
     low, high = [0.9, 1.0, 1.1, 1.0], [2.0, 2.1, 1.9, None]
     measured = {"ant": {"first": group(low), "reflection": group(high), "scores": group([1.9, 2.1]), "init": group([])}}
     told = {claim: holds for claim, _, _, holds in claims.answers(measured)}
@@ -32,7 +21,7 @@ def test_a_claim_is_decided_by_its_interval(claims: ModuleType):
     assert [row[-1] for row in claims.answers(other)] == ["no, the reverse"]
 
 
-def test_tasks_count_alike_whatever_their_scores(claims: ModuleType):
+def test_tasks_count_alike_whatever_their_scores():
     low, high = [0.0, 1.0, 2.0], [6.0, 7.0, 8.0]
     measured = {
         "ant": {"first": group(low), "reflection": group(high)},
@@ -45,25 +34,25 @@ def test_tasks_count_alike_whatever_their_scores(claims: ModuleType):
     assert claims.together([(high, low)]) == pytest.approx([6.0, 6.0 - half, 6.0 + half], 1e-3)
 
 
-def test_four_claims_are_asked_so_each_takes_more_to_hold(claims: ModuleType):
+def test_four_claims_are_asked_so_each_takes_more_to_hold():
     low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]  # 3 ± 2.27 alone, 3 ± 3.52 beside three others
     measured = {"ant": {"first": group(low), "reflection": group(high)}}
     assert [row[-1] for row in claims.answers(measured)] == ["not decided"]
 
 
-def test_a_task_whose_rewards_all_score_the_same_tells_nothing(claims: ModuleType):
+def test_a_task_whose_rewards_all_score_the_same_tells_nothing():
     measured = {"cartpole": {"first": group([499.0] * 8), "reflection": group([498.0] * 8)}}
     assert not claims.answers(measured)
 
 
-def test_a_row_counts_refusals_and_leaves_out_what_gave_no_score(claims: ModuleType):
+def test_a_row_counts_refusals_and_leaves_out_what_gave_no_score():
     measured = {"ant": {"first": {**group([1.0, 3.0, None]), "human": 2.5}, "local": group([])}}
     first, local = claims.rows(measured)
     assert first[:3] == ("ant", "first generation", "3 of 8") and first[4:] == ("3", "2.5")
     assert local[2:] == ("0 of 8", "-", "-", "-")
 
 
-def test_every_group_has_eight_programs(claims: ModuleType):
+def test_every_group_has_eight_programs():
     for env in claims.STEPS:
         for name in claims.GROUPS:
             replies = claims.asked(env, name)
@@ -73,6 +62,6 @@ def test_every_group_has_eight_programs(claims: ModuleType):
     assert not set(first) & set(second)
 
 
-def test_what_the_sandbox_refuses_trains_not(claims: ModuleType):
+def test_what_the_sandbox_refuses_trains_not():
     good = "```python\ndef compute_reward(up_proj):\n    return up_proj, {'up': up_proj}\n```"
     assert len(claims.accepted("ant", [good, good, "no program", good.replace("up_proj,", "open('x'),", 1)])) == 1

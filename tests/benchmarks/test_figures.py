@@ -1,40 +1,26 @@
 """scripts/figures.py: what its pictures hold."""
 
-from collections.abc import Iterator
-from pathlib import Path
-from types import ModuleType
-
+import figures
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-
-
-class Drawn:
-    """The script, with the last figure that it drew."""
-
-    def __init__(self, module: ModuleType) -> None:
-        self.figures, self.last = module, Figure()
-
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Drawn]:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import figures  # pyright: ignore[reportMissingImports]
-
-    found, written = Drawn(figures), figures._svg
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Figures, as the script draws them."""
+    found, written = list[Figure](), figures._svg
 
     def kept(figure: Figure) -> str:
-        found.last = figure
+        found.append(figure)
         return written(figure)
 
     monkeypatch.setattr(figures, "_svg", kept)
-    yield found
+    return found
 
 
-def test_names_of_rows_that_end_alike_stand_above_each_other(drawn: Drawn):
+def test_names_of_rows_that_end_alike_stand_above_each_other(drawn: list[Figure]):
     rows = [
         ("shadow_hand_door_close_outward", "better", 0.6, 2.46),
         ("shadow_hand_door_open_inward", "better", 0.44, 2.35),
@@ -42,23 +28,24 @@ def test_names_of_rows_that_end_alike_stand_above_each_other(drawn: Drawn):
         ("ant", "worse", 0.5, -1.1),
         ("anymal", "level", 0.5, 0.4),
     ]
-    drawn.figures.novelty(rows)
-    (axes,), canvas = drawn.last.axes, FigureCanvasAgg(drawn.last)
+    figures.novelty(rows)
+    (figure,) = drawn
+    (axes,), canvas = figure.axes, FigureCanvasAgg(figure)
     canvas.draw()
     boxes = {text.get_text(): text.get_window_extent(canvas.get_renderer()) for text in axes.texts}
     assert sorted(boxes) == sorted(task for task, ending, *_ in rows if ending != "level")
     assert not [(one, two) for one in boxes for two in boxes if one < two and boxes[one].overlaps(boxes[two])]
 
 
-def test_every_row_has_a_mark_at_its_mean_and_each_ending_a_colour_of_its_own(drawn: Drawn):
+def test_every_row_has_a_mark_at_its_mean_and_each_ending_a_colour_of_its_own(drawn: list[Figure]):
     rows = [
         ("ant", "better", 0.5, 0.1, 0.9),
         ("anymal", "level", 0.0, 0.0, 0.0),
         ("pen", "too few seeds", 0.2, -1.0, 1.4),
         ("over", "worse", -0.5, -0.9, -0.1),
     ]
-    drawn.figures.bars(rows)
-    (axes,) = drawn.last.axes
+    figures.bars(rows)
+    ((axes,),) = (figure.axes for figure in drawn)
     marks = [line for line in axes.lines if line.get_marker() == "o"]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in marks] == [(0.5, 0), (0.0, 1), (0.2, 2), (-0.5, 3)]
     assert len({to_hex(bar.get_facecolor()) for bar in axes.patches}) == len(rows)

@@ -1,15 +1,12 @@
 """What later generations are worth: each search once, and a row of each, whatever its errors are."""
 
 import json
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import generations
+import pytest
 
 SEARCH = {"env": "ant", "model": "claude", "seed": 0, "steps": 1000, "sample": 8}
 

@@ -3,10 +3,10 @@
 import json
 import os
 from collections.abc import Iterator
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import gpu
+import gpu_parts as parts
 import pytest
 
 from openeureka.errors import CapacityError
@@ -17,27 +17,12 @@ ENV = "cartpole"
 
 
 @pytest.fixture
-def gpu(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    import gpu
-
-    return gpu
-
-
-@pytest.fixture
-def parts(gpu: ModuleType) -> ModuleType:
-    import gpu_parts
-
-    return gpu_parts
-
-
-@pytest.fixture
-def sizes(gpu: ModuleType) -> Any:
+def sizes() -> Any:
     return gpu.Sizes(worlds=4, lanes=(1, 2, 3), measure=0.05, train=0.1, parity_steps=2)
 
 
 @pytest.fixture
-def fake(gpu: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Parts that answer at once, recorded by name; one that trains three lanes in three processes fails."""
     called: list[str] = []
 
@@ -57,7 +42,7 @@ def fake(gpu: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return called
 
 
-def test_every_kind_of_part_is_run_for_every_task(gpu, sizes, fake, tmp_path):
+def test_every_kind_of_part_is_run_for_every_task(sizes, fake, tmp_path):
     gpu.run("cpu", ["ant", ENV], gpu.KINDS, sizes, tmp_path / "gpu.json", again=False)
     assert fake[:4] == ["parity ant", "parity cartpole", "raw ant", "raw cartpole"]
     of_ant = [call for call in fake if " ant" in call]
@@ -76,7 +61,7 @@ def test_every_kind_of_part_is_run_for_every_task(gpu, sizes, fake, tmp_path):
     assert found["machine"]["device"] == "cpu" and found["date"]
 
 
-def test_a_run_goes_on_with_what_is_missing_or_failed(gpu, sizes, fake, tmp_path):
+def test_a_run_goes_on_with_what_is_missing_or_failed(sizes, fake, tmp_path):
     out = tmp_path / "gpu.json"
     gpu.run("cpu", ["ant"], ["raw", "processes"], sizes, out, again=False)
     fake.clear()
@@ -88,19 +73,19 @@ def test_a_run_goes_on_with_what_is_missing_or_failed(gpu, sizes, fake, tmp_path
     assert set(json.loads(out.read_text())["parts"]) == {"raw/ant", "env/ant", "processes/ant/3"}
 
 
-def test_the_human_part_measures_the_rate_it_needs(gpu, sizes, fake, tmp_path):
+def test_the_human_part_measures_the_rate_it_needs(sizes, fake, tmp_path):
     gpu.run("cpu", ["ant"], ["human"], sizes, tmp_path / "gpu.json", again=False)
     assert fake == ["training ant 2 1", "human ant 500"]
 
 
-def test_rates_of_different_sizes_are_not_mixed(gpu, sizes, fake, tmp_path):
+def test_rates_of_different_sizes_are_not_mixed(sizes, fake, tmp_path):
     gpu.run("cpu", ["ant"], ["raw"], sizes, tmp_path / "gpu.json", again=False)
     bigger = gpu.Sizes(worlds=8, lanes=(1, 2, 3), measure=0.05, train=0.1, parity_steps=2)
     with pytest.raises(SystemExit, match="name another file"):
         gpu.run("cpu", ["ant"], ["env"], bigger, tmp_path / "gpu.json", again=False)
 
 
-def test_rates_of_different_machines_are_not_mixed(gpu, sizes, fake, tmp_path, monkeypatch):
+def test_rates_of_different_machines_are_not_mixed(sizes, fake, tmp_path, monkeypatch):
     out, names = tmp_path / "gpu.json", {"cuda:0": "one kind", "cuda:1": "one kind", "cuda:2": "another"}
     monkeypatch.setattr(gpu, "machine", lambda device: {"device": device, "gpu": names[device]})
     gpu.run("cuda:0", ["ant"], ["raw"], sizes, out, again=False)
@@ -116,13 +101,13 @@ def test_rates_of_different_machines_are_not_mixed(gpu, sizes, fake, tmp_path, m
     assert out.read_text() == before
 
 
-def test_a_part_that_takes_its_process_down_is_an_error_of_that_part(gpu):
+def test_a_part_that_takes_its_process_down_is_an_error_of_that_part():
     found = gpu.attempt(os._exit, 1)
     assert found["error"].startswith("BrokenProcessPool")
     assert found["seconds"] > 0.0
 
 
-def test_simulation_is_measured(parts, sizes):
+def test_simulation_is_measured(sizes):
     parity = parts.parity(ENV, "cpu", sizes)
     assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU beside itself
     raw, environment = parts.raw(ENV, "cpu", sizes), parts.environment(ENV, "cpu", sizes)
@@ -133,7 +118,7 @@ def test_simulation_is_measured(parts, sizes):
 
 @pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
 @pytest.mark.parametrize("part", ["raw", "environment"])
-def test_a_rate_of_physics_that_lacked_room_is_an_error(parts, sizes, monkeypatch, part):
+def test_a_rate_of_physics_that_lacked_room_is_an_error(sizes, monkeypatch, part):
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
     monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet are nine rows
     monkeypatch.setattr(parts, "RAW_EPISODE", 2)
@@ -141,7 +126,7 @@ def test_a_rate_of_physics_that_lacked_room_is_an_error(parts, sizes, monkeypatc
         getattr(parts, part)("ballbalance", "warp-cpu", sizes)
 
 
-def test_trainings_are_measured(parts, sizes):
+def test_trainings_are_measured(sizes):
     programs = parts.rewards(ENV, 3)
     assert len({str(program) for program in programs}) == 3
     found = parts.training(ENV, "cpu", sizes, lanes=2, processes=2)
@@ -149,7 +134,7 @@ def test_trainings_are_measured(parts, sizes):
     assert found["nodes_per_reward"] == sum(len(program.nodes) for program in programs[:2]) / 2
 
 
-def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, parts, sizes, monkeypatch):
+def test_the_human_reward_is_trained_for_a_time_and_scored(sizes, monkeypatch):
     def evaluate(self: Any, env: str, policies: dict[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         return (Evaluation(lane=lane, fitness=8.5, episode_length=9.0, episodes=1) for lane in policies)
 
@@ -161,7 +146,7 @@ def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, parts, sizes, mo
     assert "of training" in gpu.line("human/cartpole", found)
 
 
-def test_an_epoch_is_taken_apart(gpu, parts, sizes):
+def test_an_epoch_is_taken_apart(sizes):
     found = parts.epoch(ENV, "cpu", sizes)
     assert found["seconds_of_an_epoch"] > 0 and found["steps"] == 16
     assert (found["seconds_of_the_device"], found["waits"]) == (0, 0), "there is no other device to wait for"

@@ -6,9 +6,10 @@ import sqlite3
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import NoReturn
 
+import headline
 import pytest
 
 from openeureka import strategies
@@ -26,14 +27,6 @@ from openeureka.types import LaneSpec, TrainBudget
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def headline(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import headline  # pyright: ignore[reportMissingImports]
-
-    return headline
-
-
 def row(generated: list[float], human: list[float], difference: list[float] | None) -> dict[str, object]:
     return {
         "steps": 1000,
@@ -47,7 +40,7 @@ def row(generated: list[float], human: list[float], difference: list[float] | No
     }
 
 
-def test_a_row_ends_as_its_interval_says(headline: ModuleType):
+def test_a_row_ends_as_its_interval_says():
     found = {
         "better": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]),
         "worse": row([1.0], [3.0], [-2.0, -3.0, -1.0]),
@@ -58,7 +51,7 @@ def test_a_row_ends_as_its_interval_says(headline: ModuleType):
     assert [headline.ending(one) for one in found.values()] == list(found)
 
 
-def test_seeds_that_could_not_decide_are_no_draw(headline: ModuleType):
+def test_seeds_that_could_not_decide_are_no_draw():
     own = row([1.0, 0.0, 1.0], [0.0] * 4, [0.67, 0.0, 1.33]) | {"runners_up": {"g0s1": [0.0, 1.0, 1.0]}}
     assert headline.ending(own) == "too few seeds", "with a rival, 3 of 3 against 0 of 4 may be chance"
     assert headline.ending(own | {"runners_up": {}}) == "level", "without, it is not"
@@ -74,14 +67,14 @@ def test_seeds_that_could_not_decide_are_no_draw(headline: ModuleType):
     ]
 
 
-def test_where_the_two_rewards_trained_on_two_kinds_of_processor_the_page_says_so(headline: ModuleType):
+def test_where_the_two_rewards_trained_on_two_kinds_of_processor_the_page_says_so():
     alike = {"date": "2026-01-02", "processor": "A"}
     again = {"date": "2026-01-03", "processor": "B", "generated_on": "A"}
     told = headline.measured_on({"ant": alike | {"confirmed": again}})
     assert "A for the generated reward, B for the human one: 1" in told and "- A: 1" in told
 
 
-def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
+def test_a_tie_of_zeros_is_no_draw():
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
     told = headline.summary(measured)
@@ -90,7 +83,7 @@ def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
     assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
 
 
-def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: ModuleType):
+def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     again = {"seeds": [7, 8], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
     own = {**row([3.0, 4.0], [1.0, 2.0], [2.0, -0.5, 4.5]), "confirmed": again}
     first, second = headline.rows({"ant": own})
@@ -106,9 +99,7 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: Modu
     assert headline.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "the strongest win has a bar too"
 
 
-def test_a_reward_of_the_table_trains_again_beside_the_human_one(
-    headline: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(headline, "CONFIRMED", tmp_path)
     held = headline.fresh.trained
     monkeypatch.setattr(
@@ -125,9 +116,7 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(
     )
 
 
-def test_a_training_without_a_score_is_told_and_not_left_out(
-    headline: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_a_training_without_a_score_is_told_and_not_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     run = headline.archive("cartpole")
     arms = {"human": Arm(held_out=(1.0, 2.0)), "mine": Arm(held_out=(3.0, None))}
     view = SimpleNamespace(config=run.config, directory=tmp_path, view=SimpleNamespace(given=arms))
@@ -136,7 +125,7 @@ def test_a_training_without_a_score_is_told_and_not_left_out(
         headline.fresh.trained(run.config, ["human", "mine"], tmp_path, 2)
 
 
-def test_every_task_has_eight_replies_and_a_budget(headline: ModuleType):
+def test_every_task_has_eight_replies_and_a_budget():
     whole = load(headline.PLAN)
     assert sorted(whole.tasks) == sorted(registry.names())
     for cell in whole.cells():
@@ -144,13 +133,13 @@ def test_every_task_has_eight_replies_and_a_budget(headline: ModuleType):
         assert config.steps and config.sample == len(archived(Path(config.model.removeprefix("replay:")))) == 8
 
 
-def test_what_is_left_is_what_is_not_measured(headline: ModuleType):
+def test_what_is_left_is_what_is_not_measured():
     every = headline.left({}).splitlines()
     assert len(every) == 1 + len(load(headline.PLAN).tasks)
     assert len(headline.left({"ant": {}}).splitlines()) == len(every) - 1
 
 
-def test_a_repetition_is_the_same_or_says_what_is_not(headline: ModuleType):
+def test_a_repetition_is_the_same_or_says_what_is_not():
     kept = {**row([3.0, 4.0], [1.0], None), "minutes": 3.0, "date": "", "device": "2 cores", "versions": {"torch": "2"}}
     later = {**kept, "minutes": 9.0, "date": "later", "device": "4 cores"}
     assert headline.compared("ant", kept, later) == "ant: every number is the same to the bit."
@@ -158,7 +147,7 @@ def test_a_repetition_is_the_same_or_says_what_is_not(headline: ModuleType):
     assert "not the same" in text and "human: [1.0000001], the table has [1.0]" in text and "generated:" not in text
 
 
-def test_the_figure_shows_what_is_decided_beyond_one(headline: ModuleType):
+def test_the_figure_shows_what_is_decided_beyond_one():
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     level = row([1.0, 2.0], [2.0, 0.5], [0.25, -0.75, 1.25])
     better = row([3.0, 4.0], [0.0, 0.0], [3.0, 1.0, 5.0])
@@ -169,7 +158,7 @@ def test_the_figure_shows_what_is_decided_beyond_one(headline: ModuleType):
     assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", "too few seeds", 0.5, 0.0)]
 
 
-def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
+def test_eureka_s_rule_looks_at_training_alone():
     import greedy  # pyright: ignore[reportMissingImports]
 
     run = headline.archive("ballbalance")
@@ -188,13 +177,13 @@ def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
     assert [row[0] for row in greedy.rows({"ant": same, "anymal": other})] == ["anymal"]
 
 
-def test_an_archived_run_names_its_replies_as_any_clone_has_them(headline: ModuleType):
+def test_an_archived_run_names_its_replies_as_any_clone_has_them():
     for path in headline.ARCHIVE.glob("*.sqlite.xz"):
         replies = Path(headline.archive(path.name.removesuffix(".sqlite.xz")).config.model.removeprefix("replay:"))
         assert not replies.is_absolute() and (headline.ROOT / replies).is_file(), path.name
 
 
-def test_what_is_archived_says_nothing_of_where_it_was_measured(headline: ModuleType, tmp_path: Path, monkeypatch):
+def test_what_is_archived_says_nothing_of_where_it_was_measured(tmp_path: Path, monkeypatch):
     (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / "anymal.sqlite.xz").read_bytes()))
     monkeypatch.setattr(headline, "ROOT", Path("replay:benchmarks"))  # what stands before the name of the file
     kept = headline.portable(tmp_path / FILENAME)
@@ -217,7 +206,7 @@ class Idle:
 
 
 @pytest.mark.parametrize("env", sorted(json.loads((ROOT / "benchmarks" / "results" / "headline.json").read_text())))
-def test_a_race_of_today_crowns_what_the_table_says(headline: ModuleType, env: str, tmp_path: Path):
+def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
     """The rule may have changed since a row was measured; then the row has to be measured again."""
     (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
     with Store.view(tmp_path) as known:

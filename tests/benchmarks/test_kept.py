@@ -7,9 +7,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import cost
 import crashes
 import fresh
@@ -21,6 +18,7 @@ import local_model
 import measurable
 import parity
 import predictors
+import pytest
 import randomise
 import rungs
 import throughput

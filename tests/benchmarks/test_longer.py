@@ -1,28 +1,18 @@
 """Longer searches: where the table ended below the human reward, from the same first replies."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
+import longer
 import pytest
 
 from openeureka.benchmark.plan import load
 from openeureka.llm.registry import archived
 from openeureka.stats import mean
 
-ROOT = Path(__file__).parents[2]
 
-
-@pytest.fixture
-def longer(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import longer  # pyright: ignore[reportMissingImports]
-
-    yield longer
-
-
-def test_it_goes_on_where_the_table_ended_below_the_human_reward_with_the_same_eight(longer: ModuleType):
+def test_it_goes_on_where_the_table_ended_below_the_human_reward_with_the_same_eight():
     whole, table = load(longer.PLAN), load(longer.headline.PLAN)
     known = longer.read(longer.headline.RESULTS)
     for cell in whole.cells():
@@ -35,9 +25,7 @@ def test_it_goes_on_where_the_table_ended_below_the_human_reward_with_the_same_e
         assert len(replies) == 24 == config.sample * config.iteration and config.steps == before.steps
 
 
-def test_what_it_found_is_judged_with_seeds_that_chose_nothing(
-    longer: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_what_it_found_is_judged_with_seeds_that_chose_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     run = SimpleNamespace(best=SimpleNamespace(program=SimpleNamespace(source="mine")), config=None)
     asked: list[object] = []
 

@@ -1,14 +1,11 @@
 """Runs of `make run` that are set side by side: which count, and what is said of those that share trainings."""
 
 import json
-import sys
 from itertools import pairwise
 from pathlib import Path
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import make_run
+import pytest
 
 
 def test_its_seeds_share_no_training():

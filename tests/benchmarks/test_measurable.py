@@ -1,9 +1,5 @@
 """What it costs to see only what sensors tell, from the records of tasks."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import measurable
 
 

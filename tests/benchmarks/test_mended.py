@@ -1,26 +1,14 @@
 """Tasks whose prompts said something wrong, asked again with prompts that say it right."""
 
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
-import pytest
+import mended
 
 from openeureka.benchmark.plan import load
 from openeureka.llm.registry import archived
 
-ROOT = Path(__file__).parents[2]
 
-
-@pytest.fixture
-def mended(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import mended  # pyright: ignore[reportMissingImports]
-
-    yield mended
-
-
-def test_nothing_but_the_replies_differs_from_the_table(mended: ModuleType):
+def test_nothing_but_the_replies_differs_from_the_table():
     whole, table = load(mended.PLAN), load(mended.longer.headline.PLAN)
     for cell in whole.cells():
         (first,) = (other for other in table.cells() if other.task == cell.task)
@@ -32,7 +20,7 @@ def test_nothing_but_the_replies_differs_from_the_table(mended: ModuleType):
         assert [getattr(config, name) for name in same] == [getattr(before, name) for name in same], cell.task
 
 
-def test_intervals_of_the_three_tasks_hold_together(mended: ModuleType):
+def test_intervals_of_the_three_tasks_hold_together():
     # Student's t of 4 degrees of freedom is 2.78 for one interval, 3.96 for three; the spread of a difference 0.816.
     apart = {"seeds": [1, 2, 3], "generated": [4.0, 5.0, 6.0], "human": [1.0, 2.0, 3.0], "difference": [3, 0.7, 5.3]}
     ((task, *_, between, ending, crowned),) = mended.rows({"ant": {"crowned": "g0s1", "steps": 1, "confirmed": apart}})

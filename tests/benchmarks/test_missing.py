@@ -4,9 +4,6 @@ import json
 import sys
 from pathlib import Path
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import claims
 import greedy
 import headline
@@ -18,6 +15,7 @@ import missing
 import polish
 import progress
 import prompts
+import pytest
 import tune
 
 

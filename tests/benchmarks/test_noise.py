@@ -3,37 +3,28 @@
 import json
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
+import noise
 import pytest
 
 from openeureka.config import RunConfig
 
 
-@pytest.fixture
-def noise(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    import noise  # pyright: ignore[reportMissingImports]
-
-    return noise
-
-
-def test_a_policy_that_fails_in_its_one_episode_and_succeeds_with_noise_is_counted(noise: ModuleType):
+def test_a_policy_that_fails_in_its_one_episode_and_succeeds_with_noise_is_counted():
     played = {"a-s0": [0.0, 0.9], "b-s0": [0.0, 0.5], "c-s0": [1.0, 1.0], "d-s0": [None, 1.0]}
     (row,) = noise.rows({"shadow_hand_pen": {"alike": True, "played": played}})
     assert row == ("shadow_hand_pen", "alike", "3", "0.3333", "0.8", "0.87", "1", "-", "-")
 
 
-def test_seeds_of_one_reward_are_told_from_each_other(noise: ModuleType):
+def test_seeds_of_one_reward_are_told_from_each_other():
     played = {"a-s0": [0.0, 0.8], "a-s1": [1.0, 0.9], "a-s2": [0.0, 1.0], "b-s0": [1.0, 0.5], "human-s0": [None, 0.1]}
     assert noise.between_seeds(played, 0) == pytest.approx((2 / 3 / 2) ** 0.5)  # b and human have one seed each
     assert noise.between_seeds(played, 1) == pytest.approx(0.1)
 
 
-def test_policies_of_a_second_run_join_those_that_are_known(
-    noise: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-):
+def test_policies_of_a_second_run_join_those_that_are_known(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     @contextmanager
     def store(directory: Path):
         yield SimpleNamespace(lanes=SimpleNamespace(policy=lambda lane, peak: lane))

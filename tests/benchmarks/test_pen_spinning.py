@@ -3,25 +3,15 @@
 import json
 import shutil
 from pathlib import Path
-from types import ModuleType
 
+import pen_spinning
 import pytest
 
 from openeureka.testing.scripted import ToyTrainer
 
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture
-def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import pen_spinning
-
-    return pen_spinning
-
-
-@pytest.fixture
-def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script; the human reward's policies reach 9 goals in held-out episodes, plus a hundredth of the seed."""
     trainer = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
@@ -30,7 +20,7 @@ def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         """Lanes trained by this call."""
         trainer.trained.clear()
         folder = str(tmp_path / "runs")
-        benchmark.main(["--seeds", "2", *words, "--dir", folder, "--out", str(tmp_path / "pen.json")])
+        pen_spinning.main(["--seeds", "2", *words, "--dir", folder, "--out", str(tmp_path / "pen.json")])
         return list(trainer.trained)
 
     return go

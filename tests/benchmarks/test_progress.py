@@ -3,8 +3,8 @@
 import json
 import re
 from pathlib import Path
-from types import ModuleType
 
+import progress
 import pytest
 
 from openeureka.config import TrainConfig
@@ -13,20 +13,11 @@ from openeureka.tasks.registry import get
 from openeureka.training.rewards import VALUES
 from openeureka.types import Evaluation, TrainingResult, TrainingState
 
-ROOT = Path(__file__).parents[2]
 ENV = "shadow_hand_over"
 
 
 @pytest.fixture
-def progress(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import progress  # pyright: ignore[reportMissingImports]
-
-    return progress
-
-
-@pytest.fixture
-def go(progress: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     configs: list[TrainConfig] = []
 
     def learn(config: TrainConfig, peaks):
@@ -82,7 +73,7 @@ def test_other_settings_are_not_mixed_in(go):
         go("--steps", "2e6")
 
 
-def test_every_reward_of_the_study_tells_progress(progress: ModuleType):
+def test_every_reward_of_the_study_tells_progress():
     assert len(progress.tasks()) == 4
     for env in progress.tasks():
         assert len(progress.rewards(env)) == 2

@@ -1,36 +1,24 @@
 """Plans that do a task still do it, and what hands hold is what their joints allow."""
 
-from pathlib import Path
-from types import ModuleType
+import reachable
 
-import pytest
-
-ROOT = Path(__file__).parents[2]
 SURE = "shadow_hand_door_close_outward"
 """Pushed shut with room to spare, so that another machine's rounding makes no difference."""
 
 
-@pytest.fixture
-def reachable(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    import reachable  # pyright: ignore[reportMissingImports]
-
-    return reachable
-
-
-def test_a_plan_that_was_found_does_its_task_again(reachable: ModuleType):
+def test_a_plan_that_was_found_does_its_task_again():
     found = reachable.read(reachable.RESULTS)[SURE]
     assert found["f"] == 1.0
     assert reachable.replay(SURE, found["plan"], found["steps"], [reachable.SEED]) == 1.0
 
 
-def test_a_plan_of_no_pushes_does_not(reachable: ModuleType):
+def test_a_plan_of_no_pushes_does_not():
     found = reachable.read(reachable.RESULTS)[SURE]
     idle = [[0.0] * len(row) for row in found["plan"]]
     assert reachable.replay(SURE, idle, found["steps"], [reachable.SEED]) == 0.0
 
 
-def test_a_search_keeps_to_the_same_start(reachable: ModuleType):
+def test_a_search_keeps_to_the_same_start():
     """A start that changes from round to round would let a plan seem to do what it does for another start."""
     task = "shadow_hand_catch_underarm"
     (aim,) = (aim for aim in reachable.AIMS if aim.env == task)

@@ -1,7 +1,6 @@
 """Trainings of one recipe stand together, and what is known is neither trained again nor called new."""
 
 import json
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,12 +8,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import choosing
 import ledger
 import prompts
+import pytest
 import rungs
 
 from openeureka.types import LaneSpec

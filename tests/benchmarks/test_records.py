@@ -1,12 +1,8 @@
 """What files of results hold: lanes of several runs, and where they were measured."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import records
 
 from openeureka.config import RunConfig

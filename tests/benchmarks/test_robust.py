@@ -1,12 +1,9 @@
 """What ranges are worth, from the records of seeds."""
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import robust
 
 

@@ -1,9 +1,5 @@
 """What a search takes of an endpoint is counted from searches that are kept."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import headline
 import longer
 import tokens

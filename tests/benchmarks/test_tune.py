@@ -2,19 +2,15 @@
 
 import argparse
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 from statistics import mean
 
 import pytest
+import tune
 
 from openeureka.reward.weights import weights
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import LaneSpec, Node, RewardGraph
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-import tune
 
 TEXT = "def compute_reward(x):\n    return 2.0 * x - 0.01 * x.abs() + (x > 0.5)\n"
 

@@ -66,8 +66,8 @@ def test_a_search_of_fakes_needs_neither_torch_nor_a_simulator(tmp_path: Path):
     assert done.stdout == "12.0 []\n", done.stdout + done.stderr[-2000:]
 
 
-def test_a_script_of_benchmarks_hides_no_folder_of_tests():
+def test_a_script_hides_no_folder_of_tests():
     """Both are imported by their bare names: which one is found would depend on which tests are run."""
     tests = Path(__file__).parents[1]
-    scripts = {path.stem for path in (tests.parent / "benchmarks").glob("*.py")}
+    scripts = {path.stem for folder in ("benchmarks", "scripts") for path in (tests.parent / folder).glob("*.py")}
     assert scripts & {path.name for path in tests.iterdir() if path.is_dir()} == set()

@@ -1,6 +1,5 @@
 """scripts/contact_sheet.py, but for what it photographs."""
 
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -9,13 +8,10 @@ from PIL import Image
 
 from openeureka.tasks import registry
 
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture
 def contact_sheet(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.setenv("MUJOCO_GL", "egl")  # as the script would, but only for now
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     import contact_sheet  # pyright: ignore[reportMissingImports]
 
     return contact_sheet
