@@ -23,7 +23,7 @@ from ledger import differing, learn, whole
 from records import OUTPUTS, PEAKS, ROOT, Record, command_line, machine, read, record, results, write
 
 from openeureka.config import TrainConfig
-from openeureka.method.lanes import Wanted, deal
+from openeureka.method.seeds import Wanted, deal
 from openeureka.store import is_run
 from openeureka.tasks import registry
 from openeureka.types import OWN_REWARDS

@@ -23,8 +23,8 @@ from ledger import Script, agree, whole
 from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results, write
 
 from openeureka.config import RunConfig
-from openeureka.method.lanes import deal
 from openeureka.method.race import CONTENDERS
+from openeureka.method.seeds import deal
 from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing

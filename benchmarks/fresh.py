@@ -11,7 +11,7 @@ from pathlib import Path
 import openeureka
 from openeureka.config import RunConfig
 from openeureka.method.given import seeds
-from openeureka.method.lanes import unused_seed
+from openeureka.method.seeds import unused_seed
 from openeureka.stats import difference
 from openeureka.tasks import registry
 from openeureka.training.evaluate import begin_alike

@@ -13,7 +13,8 @@ from openeureka.cli.terminal import Terminal
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import EurekaError
 from openeureka.method import given, hacking
-from openeureka.method.lanes import Lanes, Wanted
+from openeureka.method.lanes import Lanes
+from openeureka.method.seeds import Wanted
 from openeureka.report.build import build
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import listed, named

@@ -23,7 +23,7 @@ from typing import Any
 from records import OUTPUTS, ROOT, command_line, machine, read, results, write
 
 from openeureka.config import RunConfig
-from openeureka.method.lanes import unused_seed
+from openeureka.method.seeds import unused_seed
 from openeureka.numbers import number, spread
 from openeureka.parsing import parse
 from openeureka.report.verdict import verdict

@@ -20,7 +20,8 @@ from ledger import Script, in_sentences
 from records import OUTPUTS, Record, command_line, correlation, keep, machine, read, results, show
 
 from openeureka.config import NO_MODEL, RunConfig
-from openeureka.method.lanes import Lanes, deal
+from openeureka.method.lanes import Lanes
+from openeureka.method.seeds import deal
 from openeureka.numbers import number
 from openeureka.refine.polishing import PARTS
 from openeureka.runs.compose import comparing

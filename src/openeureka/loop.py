@@ -11,10 +11,11 @@ from .config import RunConfig
 from .events import Began, Tell
 from .llm.client import LanguageModel
 from .method import hacking, race, screen
-from .method.lanes import Lanes, beside, deal, programs
+from .method.lanes import Lanes
 from .method.person import Desk, Hearing
 from .method.reflection import reflect
 from .method.sampling import Checker, Sampler
+from .method.seeds import beside, deal, programs
 from .refine import polishing, tuning
 from .score import Outcome, worth
 from .store import Store

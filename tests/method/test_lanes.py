@@ -7,7 +7,8 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.events import Event, nobody
-from openeureka.method.lanes import Lanes, beside, deal
+from openeureka.method.lanes import Lanes
+from openeureka.method.seeds import beside, deal
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer

@@ -10,8 +10,9 @@ from loop.alone import run
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.events import nobody
-from openeureka.method.lanes import Lanes, affordable, deal
+from openeureka.method.lanes import Lanes, affordable
 from openeureka.method.schedule import Rung, leaders, why
+from openeureka.method.seeds import deal
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
 from openeureka.store import Store

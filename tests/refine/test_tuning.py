@@ -21,8 +21,9 @@ from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
 from openeureka.events import Began, Event, nobody
-from openeureka.method.lanes import Lanes, unused_seed
+from openeureka.method.lanes import Lanes
 from openeureka.method.sampling import Checker
+from openeureka.method.seeds import unused_seed
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables

@@ -8,7 +8,7 @@ from itertools import accumulate
 from pathlib import Path
 
 from ..method import race
-from ..method.lanes import final_seeds, polish_seeds, tuning_seeds
+from ..method.seeds import final_seeds, polish_seeds, tuning_seeds
 from ..refine import tuned
 from ..report.view import RunView
 from ..runs.run import finished

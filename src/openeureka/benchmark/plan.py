@@ -13,7 +13,7 @@ import yaml
 
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
-from ..method.lanes import unused_seed
+from ..method.seeds import unused_seed
 from ..parsing import absolute, parse, plain_number, read_yaml, taken
 
 Settings = Mapping[str, Any]

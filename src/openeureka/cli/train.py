@@ -14,7 +14,7 @@ from ..benchmark import bench as cells
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import WorkerError
 from ..method.given import Given
-from ..method.lanes import unused_seed
+from ..method.seeds import unused_seed
 from ..numbers import columns
 from ..parsing import changed, command_line, parse, short_path, whole_path
 from ..report.view import RunView

@@ -11,7 +11,8 @@ from ..score import rank
 from ..stats import mean
 from ..store import Store
 from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
-from .lanes import Lanes, Wanted, deal
+from .lanes import Lanes
+from .seeds import Wanted, deal
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""

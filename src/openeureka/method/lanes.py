@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Container, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
-from ..config import NO_MODEL, NO_RANGES, RunConfig
+from ..config import NO_RANGES, RunConfig
 from ..errors import WorkerError
 from ..events import Played, Tell
 from ..score import counted_peak, level, played
@@ -18,7 +18,6 @@ from ..types import (
     OWN_REWARDS,
     PEAKS,
     Bonus,
-    CandidateId,
     Evaluation,
     Lane,
     LaneSpec,
@@ -26,10 +25,7 @@ from ..types import (
     Peak,
     Ranges,
     Ranks,
-    RewardGraph,
     RewardProgram,
-    Role,
-    Sample,
     Scored,
     TrainBudget,
     Trainer,
@@ -38,9 +34,9 @@ from ..types import (
     TrainingResult,
     TrainingState,
     Tryout,
-    lane_id,
 )
 from .schedule import RUNGS, WHOLE, Ladder
+from .seeds import Wanted, final_lanes
 
 HELD_OUT, CHOOSING, COMPARING, ROBUST = 1_000_003, 2_000_003, 3_000_003, 4_000_003
 """Added to the seed of a run: start states of its final scores, those it chooses by, those on which a policy that was
@@ -50,74 +46,8 @@ EPISODES = (8, 64)
 SHARE = 0.1
 """Of the steps of a training that both looks may take together."""
 
-Wanted = tuple[Lane, RewardProgram]
-"""A lane, and what it trains under."""
 Sharing = Mapping[str, Sequence[LaneSpec]]
 """By the id of the lane that trains: all lanes that its result is for."""
-
-
-def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], role: Role) -> list[Wanted]:
-    """A lane for every reward and seed."""
-    return [(Lane(name, seed, role), program) for name, program in rewards for seed in seeds]
-
-
-def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]:
-    """The accepted programs; equal ones once."""
-    graphs = {sample.verdict.candidate: sample.verdict.graph for sample in samples}
-    return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
-
-
-def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
-    """The rewards that candidates are compared with, as far as the run trains them itself."""
-    return tuple((name, name) for name in OWN_REWARDS) if config.baselines == "train" else ()
-
-
-def final_seeds(config: RunConfig) -> range:
-    """Seeds that the final trainings may take; the search trains with `config.seed`."""
-    return range(config.seed + 1, config.seed + 1 + config.seeds)
-
-
-def polish_seeds(config: RunConfig) -> range:
-    """Seeds of the lanes that carry the best policy on: no other lane has them."""
-    return range(config.seed + 1 + config.seeds, config.seed + 1 + config.seeds + config.polish)
-
-
-def tuning_seeds(config: RunConfig) -> range:
-    """Seeds that the race of a tuning may take: after a search, none that crowned the text as it came."""
-    if config.model == NO_MODEL:
-        return final_seeds(config)
-    first = polish_seeds(config).stop
-    return range(first, first + config.seeds)
-
-
-def unused_seed(config: RunConfig) -> int:
-    """The first seed after those of a run: what trains with it and later ones chose nothing there."""
-    return (tuning_seeds(config) if config.tune else polish_seeds(config)).stop
-
-
-def final_lanes(
-    config: RunConfig,
-    arms: Iterable[Scored],
-    results: Container[str],
-    scores: Container[str],
-    seeds: Sequence[int] | None = None,
-) -> dict[str, list[str]]:
-    """Lane ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
-
-    A baseline's training beside the first generation counts as well where it has a score: nobody picked it.
-
-    Args:
-        seeds: fresh ones to look for; None for all that a run may take.
-    """
-    wanted = final_seeds(config) if seeds is None else seeds
-    fresh = {entry.candidate_id: list(wanted) for entry in arms}
-    fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
-    return {
-        name: [
-            lane for seed in own if (lane := lane_id(name, seed)) in results and (seed != config.seed or lane in scores)
-        ]
-        for name, own in fresh.items()
-    }
 
 
 def affordable(trained: Collection[TrainingResult], peaks: int) -> int:

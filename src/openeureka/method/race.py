@@ -14,7 +14,8 @@ from ..stats import difference, mean, pearson, spent
 from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
-from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
+from .lanes import Lanes
+from .seeds import beside, deal, final_lanes, final_seeds, programs
 
 CONTENDERS = 3
 """The most rewards that train again."""

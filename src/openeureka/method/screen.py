@@ -24,8 +24,9 @@ from ..events import Checked
 from ..score import ERRORS
 from ..stats import midranks
 from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
-from .lanes import Lanes, programs
+from .lanes import Lanes
 from .sampling import Sampler
+from .seeds import programs
 
 MARGIN = 0.3
 """How far below the median of all an agreement must be, beyond its error, before its reward is dropped."""

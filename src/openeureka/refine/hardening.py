@@ -15,8 +15,9 @@ from ..errors import ConfigError, ModelError
 from ..events import Began, Replied
 from ..llm.client import LanguageModel
 from ..method import prompts
-from ..method.lanes import CHOOSING, ROBUST, Lanes, Wanted, drawn
+from ..method.lanes import CHOOSING, ROBUST, Lanes, drawn
 from ..method.sampling import draw, request_seed
+from ..method.seeds import Wanted
 from ..parsing import command_line
 from ..score import worth
 from ..store import Store, expect_files

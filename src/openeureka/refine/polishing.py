@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from ..config import RunConfig
 from ..events import Began
-from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
+from ..method.lanes import COMPARING, Lanes
+from ..method.seeds import Wanted, polish_seeds
 from ..score import breach, gain, worth
 from ..stats import Estimate
 from ..store import Store

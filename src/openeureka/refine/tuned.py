@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 from ..config import FEWEST_TUNED, NO_MODEL, RunConfig
 from ..method import race
-from ..method.lanes import tuning_seeds
+from ..method.seeds import tuning_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import Arm, breach, lawful, pooled, rank
 from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson

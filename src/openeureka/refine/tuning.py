@@ -18,8 +18,9 @@ from ..config import NO_MODEL
 from ..errors import StoreError
 from ..events import Began
 from ..method import race
-from ..method.lanes import Lanes, deal, tuning_seeds
+from ..method.lanes import Lanes
 from ..method.sampling import Checker
+from ..method.seeds import deal, tuning_seeds
 from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
 from ..store import Store

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..config import AS_TRAINED, TrainConfig
-from ..method.lanes import beside, unused_seed
 from ..method.prompts import scale
+from ..method.seeds import beside, unused_seed
 from ..numbers import number, scored
 from ..parsing import command_line
 from ..refine.polishing import Polished

@@ -11,7 +11,7 @@ from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.baselines import Baselines
 from ..method.hacking import Sign, Tried
-from ..method.lanes import final_lanes
+from ..method.seeds import final_lanes
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished

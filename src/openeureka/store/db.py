@@ -57,7 +57,7 @@ WITH rejected AS (
         UNION SELECT lane FROM lanes WHERE role = 'given' OR (role = 'tuned' AND NOT EXISTS (SELECT 1 FROM entries)))
 """
 _GLANCE = f"""{_FINISHED},
-    -- As `method.lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
+    -- As `method.seeds.final_lanes` has it: a baseline's training beside the first generation counts as well.
     judged AS (
         SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline', 'given')
             -- What trained after a search's first weighting compares numbers, not rewards.
