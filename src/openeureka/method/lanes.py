@@ -252,32 +252,25 @@ class Lanes:
         # Whose F is undefined wins nothing, unless it was cut while F waited, or went on from a policy for too short.
         early = {lane for lane in ids if results[lane].state is TrainingState.CUT or records[lane].start is not None}
         ids = [lane for lane in ids if results[lane].fitness is not None or lane in early]
-        missing: list[tuple[str, Peak]] = [
-            (lane, peak) for lane in ids for peak in self.peaks if len(known.get(lane, {}).get(peak, ())) <= look
+        missing = [
+            Tryout(lane=lane, name=peak, peak=peak)
+            for lane in ids
+            for peak in self.peaks
+            if len(known.get(lane, {}).get(peak, ())) <= look
         ]
-        places: dict[str, tuple[str, Peak]] = {f"{lane} {peak}": (lane, peak) for lane, peak in missing}
-        policies = {key: self.store.lanes.policy(*place) for key, place in places.items()}
-        playing = {key: policy for key, policy in policies.items() if policy is not None}
-        if not playing:
+        if not missing:
             return
         episodes = affordable([results[lane] for lane in ids], len(self.peaks))
-        seed = self.config.seed + CHOOSING + look
-        scores: list[Evaluation] = []
-        play = self.trainer.evaluate
-        if self.config.screen > 1 and not look:
-            # Without `screen=` a trainer of somebody's own need not know the word.
-            play = partial(play, record=self._evidence(places))
-        for score in play(self.config.env, playing, seed=seed, episodes=episodes):
-            lane, peak = places[score.lane]
-            scores.append(dataclasses.replace(score, lane=lane, peak=peak))
+        record = self._evidence(missing) if self.config.screen > 1 and not look else ()
+        scores = [score for _, score in self._play(missing, CHOOSING + look, episodes, record)]
         self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
 
-    def _evidence(self, places: Mapping[str, tuple[str, Peak]]) -> frozenset[str]:
+    def _evidence(self, looks: Iterable[Tryout]) -> frozenset[str]:
         """By which of these a later screen may judge: the first policy of each lane of the search."""
         roles, firsts = self.store.lanes.all(), dict[str, str]()
-        for key, (lane, _) in places.items():
-            if roles[lane].role in ("candidate", "baseline"):
-                firsts.setdefault(lane, key)
+        for one in looks:
+            if roles[one.lane].role in ("candidate", "baseline"):
+                firsts.setdefault(one.lane, _key(one))
         return frozenset(firsts.values())
 
     def counted_peaks(self, ids: Iterable[str]) -> dict[str, Peak]:
@@ -289,11 +282,8 @@ class Lanes:
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by lane id, each of the named policy; a lane without it has none."""
         known = self.store.lanes.evaluations()
-        policies = {lane: self.store.lanes.policy(lane, peak) for lane, peak in ids.items() if lane not in known}
-        missing = {lane: policy for lane, policy in policies.items() if policy is not None}
-        seed = self.config.seed + HELD_OUT
-        scores = self.trainer.evaluate(self.config.env, missing, seed=seed) if missing else ()
-        self.store.lanes.save_evaluations([dataclasses.replace(score, peak=ids[score.lane]) for score in scores])
+        missing = (Tryout(lane=lane, name="", peak=peak) for lane, peak in ids.items() if lane not in known)
+        self.store.lanes.save_evaluations([score for _, score in self._play(missing, HELD_OUT)])
         return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
     def try_out(self, tryouts: Iterable[Tryout], *, starts: int = HELD_OUT, episodes: int = 0) -> None:
@@ -304,21 +294,38 @@ class Lanes:
             episodes: of each tryout; 0 for as many as a final score needs.
         """
         known = self.store.lanes.tryouts()
-        missing = {f"{one.lane} {one.name}": one for one in tryouts if one.name not in known.get(one.lane, {})}
-        policies = {key: self.store.lanes.policy(tryout.lane, tryout.peak) for key, tryout in missing.items()}
+        missing = (tryout for tryout in tryouts if tryout.name not in known.get(tryout.lane, {}))
+        for tryout, score in self._play(missing, starts, episodes):
+            self.store.lanes.save_tryout(tryout.name, score)
+
+    def _play(
+        self, tryouts: Iterable[Tryout], starts: int, episodes: int = 0, record: Collection[str] = ()
+    ) -> Iterator[tuple[Tryout, Evaluation]]:
+        """What these score side by side, on the same start states; one whose policy is not kept scores nothing."""
+        asked = {_key(tryout): tryout for tryout in tryouts}
+        policies = {key: self.store.lanes.policy(tryout.lane, tryout.peak) for key, tryout in asked.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
-        dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
-        records, seed = self.store.lanes.all(), self.config.seed + starts
-        untrained = {key: records[missing[key].lane].seed for key in playing if missing[key].untrained}
-        play = self.trainer.evaluate(
-            self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics, untrained=untrained
-        )
-        for score in play:
-            tryout = missing[score.lane]
+        records = self.store.lanes.all()
+        # Without `screen=` a trainer of somebody's own need not know the word.
+        play = partial(self.trainer.evaluate, record=record) if record else self.trainer.evaluate
+        for score in play(
+            self.config.env,
+            playing,
+            seed=self.config.seed + starts,
+            episodes=episodes,
+            dynamics={key: asked[key].dynamics for key in playing},
+            untrained={key: records[asked[key].lane].seed for key in playing if asked[key].untrained},
+        ):
+            tryout = asked[score.lane]
             peak = None if tryout.untrained else tryout.peak
-            self.store.lanes.save_tryout(tryout.name, dataclasses.replace(score, lane=tryout.lane, peak=peak))
+            yield tryout, dataclasses.replace(score, lane=tryout.lane, peak=peak)
+
+
+def _key(tryout: Tryout) -> str:
+    """What the trainer knows it by."""
+    return f"{tryout.lane} {tryout.name}".rstrip()
 
 
 def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:
