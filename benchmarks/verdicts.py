@@ -78,20 +78,18 @@ def held(random: Random, own: Spreads, most: int, gap: float) -> tuple[Differenc
     """One race: how the winner differs from the human reward, and the seeds it took."""
     drawn = {f"g0s{slot}": [random.gauss(gap, spread) for _ in range(most)] for slot, spread in enumerate(own[0])}
     human = [random.gauss(0.0, own[1]) for _ in range(most + 1)]
-    names, claims, taken = list(drawn), len(drawn), dict.fromkeys(drawn, 0)
-    seeds = 0
-    for more in race.rounds(range(most), raced=True):
-        seeds += len(more)
-        taken |= dict.fromkeys(names, seeds)
-        scores = {name: drawn[name][: taken[name]] for name in drawn} | {"human": human[: seeds + 1]}
-        names = race.running(scores, names)
-        share = stats.spent(seeds, most, race.FIRST)
-        if len(names) == 1 and race.sure(scores, names[0], "human", claims / share):
-            break
-    rivals = [scores[name] for name in drawn if name != names[0]]
-    found = race.difference(scores[names[0]], scores["human"], rivals, claims=claims / share)
+    scores: dict[str, Sequence[float]] = {}
+
+    def look(names: Sequence[str], more: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
+        scores.update({name: drawn[name][: more[-1] + 1] for name in names}, human=human[: more[-1] + 2])
+        return scores, [*drawn]
+
+    winner = race.hold([*drawn], "human", range(most), look)[0]
+    rivals = [scores[name] for name in drawn if name != winner]
+    share = stats.spent(len(scores[winner]), most, race.FIRST)
+    found = race.difference(scores[winner], scores["human"], rivals, claims=len(drawn) / share)
     assert found is not None
-    return found, seeds
+    return found, len(scores[winner])
 
 
 Rule = Callable[..., Difference | None]

@@ -134,24 +134,23 @@ def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() 
     assert race.running({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]
 
 
+def drawn(random: Random, names: list[str], seeds: int) -> bool:
+    """Whether a race of equals ends with a verdict."""
+    scores: dict[str, list[float]] = {"human": [random.gauss(0, 1)], **{name: [] for name in names}}
+
+    def look(left, more):
+        for name in (*left, "human"):
+            scores[name] += [random.gauss(0, 1) for _ in more]
+        return scores, names
+
+    winner, *_ = race.hold(names, "human", range(1, 1 + seeds), look)
+    return race.sure(scores, winner, "human", len(names) / spent(len(scores[winner]), seeds, race.FIRST))
+
+
 @pytest.mark.parametrize(("seeds", "arms"), [(2, 1), (3, 3), (10, 1), (20, 1)])
 def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, arms: int) -> None:
     random = Random(f"{seeds} {arms}")
-    config = RunConfig(env="toy", seeds=seeds)
-    wrong, races = 0, 1000
-    for _ in range(races):
-        names = [f"reward {number}" for number in range(arms)]
-        scores: dict[str, list[float]] = {"human": [random.gauss(0, 1)], **{name: [] for name in names}}
-        verdict = False
-        for more in race.rounds(range(1, 1 + seeds), raced=True):
-            for name in (*names, "human"):
-                scores[name] += [random.gauss(0, 1) for _ in more]
-            names = race.running(scores, names)
-            strict = arms / race.share(config, len(scores[names[0]]))
-            verdict = race.sure(scores, names[0], "human", strict)
-            if verdict and len(names) == 1:
-                break
-        wrong += verdict
+    wrong = sum(drawn(random, [f"reward {number}" for number in range(arms)], seeds) for _ in range(1000))
     assert wrong <= 70  # 50 are to be expected at most, and 70 hardly ever: three standard errors more
 
 

@@ -255,6 +255,41 @@ def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) ->
     assert of_tuning(found).endswith("3 of 3 were refused or failed; the first, trial_1: Its worker ran out of memory.")
 
 
+@dataclass
+class Dear(ToyTrainer):
+    """The second text leads: it is as good as the first one with fresh seeds, and costs too much with the third."""
+
+    seen: list[object] = field(default_factory=list)
+    dear: str = "none"
+
+    def result(self, lane: LaneSpec) -> TrainingResult:
+        if isinstance(lane.program, str):
+            return super().result(lane)
+        if lane.program not in self.seen:
+            self.seen.append(lane.program)
+        place = self.seen.index(lane.program)
+        if place == 1 and lane.seed == 7:
+            self.dear = lane.id
+        worth = {0: 90.0 if lane.seed else 50.0, 1: 90.0, 2: 89.95}.get(place, 10.0)
+        return super().result(replace(lane, program=_worth(worth)))
+
+    def evaluate(self, env, policies, *, seed, **options):
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            yield replace(score, costs={"torque": 1000.0 if score.lane.startswith(self.dear) else 5.0})
+
+
+def test_numbers_that_left_to_a_leader_that_breaks_a_limit_race_on(tmp_path: Path) -> None:
+    wanted, trainer = RunConfig(sample=1, iteration=1, refill=0, seeds=4, tune=4, limits="torque=10"), Dear()
+    with Store.open(tmp_path, wanted) as store:
+        model = ScriptedModel([f"```python\n{program(7.0).replace('7.0', '7.0 * x')}```\n"])
+        run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+    found = RunView.read(tmp_path).tuned
+    assert found is not None and found.after == "trial_2"
+    ids = {trial.name: trial.candidate.id for trial in found.trials}
+    fresh = {name: [int(lane[-1]) for lane in trainer.trained if lane.startswith(ids[name])][1:] for name in ids}
+    assert (fresh["trial_1"], fresh["trial_2"]) == ([5, 6, 7], [5, 6, 8])  # 1 to 4 may crown what the search found
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Tuned]:
     """Lanes of a tuning that nobody stops, and what it found."""

@@ -5,14 +5,14 @@ One training says little of a reward: another seed may rank it anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
 from ..score import Arm, Outcome, lawful, level, rank
 from ..stats import difference, mean, pearson, spent
 from ..strategies import Ranking
-from ..types import CandidateId, Evaluation, History, Place, Scored, TrainingResult
+from ..types import CandidateId, Evaluation, History, Place, RewardProgram, Scored, TrainingResult
 from . import baselines
 from .lanes import Lanes
 from .seeds import beside, deal, final_lanes, final_seeds, programs
@@ -24,6 +24,8 @@ FIRST = 2
 
 Scores = Mapping[str, Sequence[float]]
 """Played F of every final lane, by the name of its reward."""
+Look = Callable[[Sequence[str], Sequence[int]], tuple[Scores, Sequence[str]]]
+"""Takes the names of rewards, and seeds that these train with; gives the scores of all by then, and who may win."""
 
 
 def contenders(history: History) -> tuple[Scored, ...]:
@@ -50,10 +52,8 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
     """The best of the contenders by the played F of fresh trainings; None when nothing ever trained, or each breaks a
     limit, on average over its fresh trainings.
 
-    All of them and the human reward train with two seeds. Then, a seed at a time and `config.seeds` at most, those that
-    are not yet shown to be worse than the leader, and the human reward, until one is left whose difference to it is
-    beyond doubt. The sparse reward is no rival: its training beside the first generation marks the scale's other end.
-    Where nothing is played the best of the search and both baselines train with all seeds at once.
+    They race the human reward. The sparse reward is no rival: its training beside the first generation marks the
+    scale's other end. Where nothing is played the best of the search and both baselines train with all seeds at once.
 
     Raises:
         WorkerError: see `Lanes.train`.
@@ -61,26 +61,24 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
     arms = {entry.candidate_id: entry for entry in contenders(history)}
     if not arms:
         return None
-    config, names, raced = lanes.config, list(arms), lanes.ranks == "played"
-    known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
-    seeds: list[int] = []
-    for more in rounds(final_seeds(config), raced=raced):
+    config, seeds, known = lanes.config, final_seeds(lanes.config), baselines.chosen(lanes.config)
+
+    def train(names: Iterable[str], more: Iterable[int], *others: tuple[str, RewardProgram]) -> None:
         lanes.train(deal([*programs(arms[name].sample for name in names), *others], more, "final"))
-        if not raced:
-            break
-        seeds += more  # a resumed race decides each round by what there was in it
-        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds))
+
+    def look(names: Sequence[str], more: Sequence[int]) -> tuple[Scores, Sequence[str]]:
+        train(names, more, *beside(config)[:1])
+        by_now = range(seeds.start, more[-1] + 1)  # a resumed race decides each round by what there was in it
+        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), by_now))
         if known is not None:
             scores["human"] = list(known.human.scores)
-        able = [name for name in arms if lawful(first[name], history.limits)]
-        if not able:
-            return None
-        names = [name for name in names if name in able] or able  # who left to a leader that may not win is back
-        names = running(scores, names)
-        # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
-        if len(names) == 1 and sure(scores, names[0], "human", len(arms) / share(config, len(seeds))):
-            break
-    return arms[names[0]]
+        return scores, [name for name in arms if lawful(first[name], history.limits)]
+
+    if lanes.ranks != "played":
+        train(arms, seeds, *beside(config))
+        return next(iter(arms.values()))
+    left = hold([*arms], "human", seeds, look)
+    return arms[left[0]] if left else None
 
 
 def play_finals(
@@ -127,6 +125,29 @@ def outcome(
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )
+
+
+def hold(names: Sequence[str], against: str, seeds: Sequence[int], look: Look) -> list[str]:
+    """Race rewards: all train with two seeds, then, a seed at a time, those that are not yet shown to be worse than the
+    leader, until one is left whose difference to the reward `against` is beyond doubt.
+
+    Args:
+        seeds: the most that they may take.
+
+    Returns: who is left, the leader first; nobody where nobody may win.
+    """
+    left, trained = list(names), 0
+    for more in rounds(seeds, raced=True):
+        scores, able = look(left, more)
+        trained += len(more)
+        left = [name for name in left if name in able] or list(able)  # who left to a leader that may not win is back
+        if not left:
+            break
+        left = running(scores, left)
+        # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
+        if len(left) == 1 and sure(scores, left[0], against, len(names) / spent(trained, len(seeds), FIRST)):
+            break
+    return left
 
 
 def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:

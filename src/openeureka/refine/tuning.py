@@ -198,20 +198,17 @@ def _race(lanes: Lanes) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store = lanes.config, lanes.store
     texts = store.rewards.texts()
-    racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
+    racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), tuning_seeds(config)
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
-    claims = len(arms) - 1
+
+    def look(names: Sequence[str], more: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
+        lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *names)]), more, "final"))
+        by_now = range(seeds.start, more[-1] + 1)
+        looks, scores = race.play_finals(lanes, tuned.final_lanes(config, arms, store.lanes.results(), by_now))
+        return scores, [name for name in racing if lawful(looks[name], config.cost_limits)]
+
     lanes.tell(Began("final"))
-    for more in race.rounds(tuning_seeds(config), raced=True):
-        seeds += more
-        lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
-        own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
-        looks, scores = race.play_finals(lanes, own)
-        racing = [name for name in racing if name in looks and lawful(looks[name], config.cost_limits)]
-        racing = race.running(scores, racing)
-        strict = claims / race.share(config, len(seeds))
-        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
-            break
+    race.hold(racing, ORIGINAL, seeds, look)
     lanes.tell(Began("evaluate"))
     return _conclude(lanes, texts)
 
