@@ -68,8 +68,15 @@ class Weighting:
     name: str
     candidate: Candidate
     values: tuple[float, ...]
+    result: TrainingResult | None
+    """Of its training with the run's seed; None before that is over."""
     played: float | None
-    """F of its policy, trained with the run's seed."""
+    """F of its policy of that training; None where that was cut, as it trained for less than the others."""
+
+    @property
+    def cut(self) -> bool:
+        """Whether a search cut its training: so the text as it came may have led one."""
+        return self.result is not None and self.result.state is TrainingState.CUT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,66 +149,46 @@ def read(
     """
     if ORIGINAL not in texts:
         return None
-    origin = texts[ORIGINAL].source
-    ended = {candidate.id: results.get(lane_id(candidate.id, config.seed)) for candidate in texts.values()}
-    # The text as it came may have led a search without training to its end: then it says nothing beside the others.
-    cut = {name for name, result in ended.items() if result is not None and result.state is TrainingState.CUT}
-    trials = [
-        Weighting(
-            name=name,
-            candidate=candidate,
-            values=own,
-            played=_fitness(played.get(lane_id(candidate.id, config.seed))) if candidate.id not in cut else None,
-        )
-        for name, candidate in texts.items()
-        if (own := values(candidate.source, origin)) is not None
-    ]
-    trained = [trial for trial in trials if ended[trial.candidate.id] is not None]
-    whole = [trial for trial in trained if trial.candidate.id not in cut]
-    lanes = final_lanes(config, texts, results)
-    limits = config.cost_limits
+    trials, lanes = _weightings(config, texts, results, played), final_lanes(config, texts, results)
     after = winner(
-        {name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL}, limits
+        {name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL},
+        config.cost_limits,
     )
-    fitted = next((trial.values for trial in trials if trial.name == after), None)
-    found = Tuned(
-        trials=tuple(trials),
-        trained=len(trained),
-        effects=tuple(
-            Effect(
-                weight=weight,
-                after=fitted[place] if fitted is not None else None,
-                trend=_trend([trial.values[place] for trial in whole], whole),
-                distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in whole], whole),
-            )
-            for place, weight in enumerate(weights(origin))
-        ),
+    others = [trial for trial in trials if trial.name != ORIGINAL]
+    raced = lanes if after else {}
+    scores = {name: [evaluations.get(lane) or played.get(lane) for lane in own] for name, own in raced.items()}
+    return Tuned(
+        trials=trials,
+        trained=sum(trial.result is not None for trial in trials),
+        effects=_effects(texts[ORIGINAL], trials, after),
         after=after,
-        lost={
-            trial.name: result.message
-            for trial in trials
-            if trial.name != ORIGINAL and (result := ended[trial.candidate.id]) is not None and result.message
-        },
+        arms={name: _arm(own, results, evaluations) for name, own in raced.items()},
+        components=_components(*([results[lane] for lane in raced.get(name, ())] for name in (ORIGINAL, after))),
+        judged=any(lane in evaluations for name, own in raced.items() for lane in own if name != ORIGINAL),
         share=race.share(config, len(lanes.get(after, ()))),
+        alone=not after and bool(lanes[ORIGINAL]) and all(trial.played is None for trial in others),
+        lost={trial.name: trial.result.message for trial in others if trial.result and trial.result.message},
+        breach=_breach(scores.get(after, ()), config.cost_limits),
+        breach_before=_breach(scores.get(ORIGINAL, ()), config.cost_limits),
     )
-    if not after:
-        others = [trial for trial in trials if trial.name != ORIGINAL and trial.played is not None]
-        return replace(found, alone=bool(lanes.get(ORIGINAL)) and not others)
-    before_after = ([results[lane] for lane in lanes[name]] for name in (ORIGINAL, after))
-    arms = {name: _arm(own, results, evaluations) for name, own in lanes.items()}
 
-    def broken(name: str) -> str:
-        judged = [score for lane in lanes[name] if (score := evaluations.get(lane) or played.get(lane)) is not None]
-        return breach(pooled(judged), limits) if judged else ""
 
-    return replace(
-        found,
-        arms=arms,
-        judged=any(lane in evaluations for name, own in lanes.items() for lane in own if name != ORIGINAL),
-        components=_components(*before_after),
-        breach=broken(after),
-        breach_before=broken(ORIGINAL),
-    )
+def _weightings(
+    config: RunConfig, texts: Texts, results: Mapping[str, TrainingResult], played: Scores
+) -> tuple[Weighting, ...]:
+    """Those whose numbers can be told."""
+    found: list[Weighting] = []
+    for name, candidate in texts.items():
+        own, lane = values(candidate.source, texts[ORIGINAL].source), lane_id(candidate.id, config.seed)
+        if own is not None:
+            trial = Weighting(name=name, candidate=candidate, values=own, result=results.get(lane), played=None)
+            found.append(trial if trial.cut else replace(trial, played=_fitness(played.get(lane))))
+    return tuple(found)
+
+
+def _breach(scores: Sequence[Evaluation | None], limits: Limits) -> str:
+    known = [score for score in scores if score is not None]
+    return breach(pooled(known), limits) if known else ""
 
 
 def size(config: RunConfig) -> int:
@@ -270,6 +257,20 @@ def _arm(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Sc
 
 
 # --- which numbers matter --------------------------------------------------------------------------------------------
+
+
+def _effects(origin: Candidate, trials: Sequence[Weighting], after: str) -> tuple[Effect, ...]:
+    whole = [trial for trial in trials if trial.result is not None and not trial.cut]
+    fitted = next((trial.values for trial in trials if trial.name == after), None)
+    return tuple(
+        Effect(
+            weight=weight,
+            after=fitted[place] if fitted is not None else None,
+            trend=_trend([trial.values[place] for trial in whole], whole),
+            distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in whole], whole),
+        )
+        for place, weight in enumerate(weights(origin.source))
+    )
 
 
 def _trend(xs: Sequence[float], trials: Sequence[Weighting]) -> Correlation | None:
