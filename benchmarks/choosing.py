@@ -19,7 +19,7 @@ from itertools import combinations
 from math import comb
 from typing import get_args
 
-from ledger import Script, agree, whole
+from ledger import Script, refuse_other_recipe, whole
 from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results, write
 
 from openeureka.config import RunConfig
@@ -105,7 +105,7 @@ def measure(env: str, seed: int) -> None:
         SystemExit: where the lanes that are known have another recipe.
     """
     entry: Record = read(RESULTS).get(env, {})
-    agree(entry, recipe := whole(env, env_steps=STEPS[env]), env)
+    refuse_other_recipe(entry, recipe := whole(env, env_steps=STEPS[env]), env)
     config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
     with comparing(config, OUTPUTS / "choosing" / env, Script()) as lanes:
         store = lanes.store

@@ -42,7 +42,7 @@ def differing(known: Record, wanted: Record) -> list[str]:
     return [word for word, value in wanted.items() if known[word] != value]
 
 
-def agree(entry: Record, wanted: Record, name: str) -> None:
+def refuse_other_recipe(entry: Record, wanted: Record, name: str) -> None:
     """Lanes of one recipe stand together.
 
     Args:

@@ -60,7 +60,7 @@ def measure(env: str, seed: int, directory: Path, words: Sequence[str], **settin
     }
 
 
-def agree(known: Mapping[str, Record], words: Sequence[str], name: str) -> None:
+def refuse_other_settings(known: Mapping[str, Record], words: Sequence[str], name: str) -> None:
     """Seeds of one row have one model, asked alike.
 
     Raises:
@@ -154,7 +154,7 @@ def main() -> None:
     if not any(word.startswith("model=") for word in options.words):
         parser.error("no model is named: write model=gpt-5, or model=random for the floor")
     for env in options.env or ENVS:
-        agree(read(RESULTS).get(start, {}).get(env, {}), options.words, f"{env}, start={start},")
+        refuse_other_settings(read(RESULTS).get(start, {}).get(env, {}), options.words, f"{env}, start={start},")
         for seed in options.seed or range(SEEDS):
             if str(seed) in read(RESULTS).get(start, {}).get(env, {}):
                 continue

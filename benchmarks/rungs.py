@@ -24,7 +24,7 @@ from unittest.mock import patch
 
 import choosing
 import torch
-from ledger import DEFAULTS, agree, in_sentences, whole
+from ledger import DEFAULTS, in_sentences, refuse_other_recipe, whole
 from predictors import window
 from records import FOLDER, Record, command_line, correlation, machine, read, results, rounded, write
 
@@ -164,7 +164,7 @@ def measure(
     updates += "".join(f"{word} {value:g}, " for word, value in others.items())
     name = f"{trained['worlds']} x {trained['horizon']}, {updates}{steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {})
-    agree(known, trained, f"{env}, {name},")
+    refuse_other_recipe(known, trained, f"{env}, {name},")
 
     def keep(records: Record) -> None:
         found = read(RESULTS)

@@ -57,11 +57,11 @@ def test_trainings_that_began_otherwise_have_rows_of_their_own():
 
 def test_a_seed_by_another_model_joins_no_row():
     known = {"0": {"settings": ["model=claude", "base_url=http://localhost/v1", "sample=4"]}}
-    robust.agree(known, ["sample=4", "start=scratch", "model=claude"], "ant")
-    robust.agree({}, ["model=random"], "ant")
+    robust.refuse_other_settings(known, ["sample=4", "start=scratch", "model=claude"], "ant")
+    robust.refuse_other_settings({}, ["model=random"], "ant")
     for words in (["model=random", "sample=4"], ["model=claude", "sample=8"], ["model=claude"]):
         with pytest.raises(SystemExit, match="Seed 0 of ant had model=claude sample=4"):
-            robust.agree(known, words, "ant")
+            robust.refuse_other_settings(known, words, "ant")
 
 
 def test_it_has_no_model_of_its_own(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
