@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
@@ -26,10 +27,11 @@ from records import OUTPUTS, Record, command_line, interval, keep, machine, read
 
 import openeureka
 from openeureka.benchmark.plan import load
+from openeureka.method import race
 from openeureka.numbers import spread
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.reward.weights import weighed, weights
-from openeureka.stats import mean
+from openeureka.stats import difference, mean, spent
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
@@ -71,16 +73,16 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     )
     found = run.tuned
     assert found is not None
-    difference = found.difference
+    apart = found.difference
     return {
         "settings": settings,
-        "verdict": run.verdict,
         "held_out": {
             name: list(found.arms[key].held_out)
             for name, key in (("before", ORIGINAL), ("after", found.after))
             if key in found.arms
         },
-        "difference": [difference.value, difference.low, difference.high] if difference is not None else None,
+        "rivals": [list(arm.held_out) for name, arm in found.arms.items() if name not in (ORIGINAL, found.after)],
+        "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
         "numbers": [
             {
                 "name": effect.weight.name,
@@ -96,6 +98,26 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
         "components": {name: list(pair) for name, pair in found.components.items()},
         **machine("cpu", "cmaes"),
     }
+
+
+def between(own: Record) -> list[float] | None:
+    """The difference of after and before and the ends of its interval, as `Tuned` says it, from what is kept of a
+    tuning.
+
+    Of the first ones no scores of the rival are kept, but the interval that pools its spread with those of the two. It
+    is one of the two intervals that `stats.difference` takes the wider of.
+    """
+    before, after = (_defined(own["held_out"].get(name, [])) for name in ("before", "after"))
+    share = spent(len(own["held_out"].get("after", [])), own["settings"]["seeds"], race.FIRST)
+    found = difference(after, before, map(_defined, own["rivals"]), claims=(1 + len(own["rivals"])) / share)
+    if found is None:
+        return None
+    ends = [found.value, found.low, found.high]
+    return max(ends, own.get("pooled", ends), key=lambda ends: ends[2] - ends[1])
+
+
+def _defined(scores: Sequence[float | None]) -> list[float]:
+    return [score for score in scores if score is not None]
 
 
 def confirm(name: str, options: argparse.Namespace) -> Record:
@@ -118,12 +140,12 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
 
 def once(name: str, options: argparse.Namespace) -> str:
     """What a tuning found, which is repeated no more than its file knows."""
-    known = read(options.out).get(name)
-    if known is not None:
-        return f"known with {known['settings']['trials']} trials. {known['verdict']}"
-    found = measure(*name.split("/")[:2], options)
-    keep(options.out, name, found)
-    return found["verdict"]
+    found = read(options.out).get(name)
+    if found is None:
+        found = measure(*name.split("/")[:2], options)
+        keep(options.out, name, found)
+    told = interval(*found["difference"], digits=3) if found["difference"] else "no interval"
+    return f"known with {found['settings']['trials']} trials, {told}"
 
 
 def again(name: str, options: argparse.Namespace) -> str:

@@ -55,12 +55,25 @@ def test_more_seeds_are_compared_with_more_seeds_of_the_human_reward():
     assert shares(8) == ["-", "50%", "150%"]  # trained for another time, those tell nothing
 
 
+KNOWN = tune.read(tune.RESULTS)
+
+
+@pytest.mark.parametrize("name", sorted(KNOWN))
+def test_an_interval_of_today_is_what_the_table_says(name: str):
+    own = KNOWN[name]
+    assert tune.between(own) == pytest.approx(own["difference"])
+    again = own.get("confirmed")
+    if again is not None:
+        assert tune.fresh.between(*again["held_out"].values()) == pytest.approx(again["difference"])
+
+
 def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Sum())
     monkeypatch.setattr(tune, "OUTPUTS", tmp_path)
     options = argparse.Namespace(trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, confirm=3)
     record = tune.measure("cartpole", "human", options)
     assert len(record["held_out"]["before"]) == len(record["held_out"]["after"]) == 2
+    assert tune.between(record) == record["difference"] and len(record["rivals"]) == 1
     assert len(record["played"]) == 5 and len(record["numbers"]) == 6
     (row,) = tune.rows({"cartpole/human/0": record})
     assert len(row) == len(tune.TITLES)
