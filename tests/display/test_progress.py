@@ -1,5 +1,7 @@
 import dataclasses
 import io
+import subprocess
+import sys
 
 from rich.console import Console
 
@@ -106,3 +108,17 @@ def test_work_without_progress_of_its_own_is_said_once_in_a_log_and_timed_on_a_t
     clock = progress._Clock("Filming")
     now[0] = 7.0
     assert clock.__rich__().plain == "Filming, 7 s"
+
+
+def test_who_reads_may_end_before_what_is_printed():
+    code = (
+        "import sys; from openeureka.display.progress import standard\n"
+        "console = standard()\n"
+        "for _ in range(3): console.print('x'); print('y', flush=True)\n"
+        "print('whole', file=sys.stderr)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
+        assert child.stdout is not None and child.stderr is not None
+        child.stdout.close()
+        assert child.stderr.read() == b"whole\n"
+    assert child.returncode == 0

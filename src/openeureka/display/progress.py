@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -31,9 +32,18 @@ class _Clock:
         return Text(f"{self._text}, {duration(time.monotonic() - self._started)}")
 
 
+class _Standard(Console):
+    def on_broken_pipe(self) -> None:
+        """Who read this has ended, such as `head` or `tee`: a search goes on without them, where rich would exit."""
+        self.quiet = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
 def standard() -> Console:
     """Standard output: a terminal or none, whatever FORCE_COLOR says, which some set where a log is kept."""
-    return Console(force_terminal=None if sys.stdout is not None and sys.stdout.isatty() else False)
+    return _Standard(force_terminal=None if sys.stdout is not None and sys.stdout.isatty() else False)
 
 
 def redraws(console: Console) -> bool:
