@@ -10,17 +10,17 @@ from random import Random
 from .config import RunConfig
 from .events import Began, Tell
 from .llm.client import LanguageModel
-from .method import hacking, race, screen
+from .method import race, screen
 from .method.lanes import Lanes
 from .method.person import Desk, Hearing
-from .method.reflection import reflect
+from .method.reflection import scored
 from .method.sampling import Checker, Sampler
 from .method.seeds import beside, deal, programs
 from .refine import polishing, tuning
-from .score import Outcome, worth
+from .score import Outcome
 from .store import Store
 from .strategies import Ranking, SearchStrategy, asked
-from .types import History, PolicyId, Scored, TaskContext, Trainer, lane_id
+from .types import TaskContext, Trainer
 
 
 def run(
@@ -63,20 +63,15 @@ def run(
             tell(Began("play", index))
         scores = lanes.play([*history.lanes, *results])
 
-        entries: list[Scored] = []
-        for sample in samples:
-            lane = lane_id(sample.verdict.candidate, config.seed)
-            result, played = results.get(lane), scores.get(lane)
-            feedback = reflect(sample, result, model.style, played, config.cost_limits, context.window)
-            entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
+        entries = scored(config, samples, results, scores, style=model.style, window=context.window)
         history = history.rescored(scores).grown(entries)
-        keep(lanes, Ranking(history).best)
+        lanes.keep(Ranking(history).best)
         store.save_generation(history.generations[-1])
         tell(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
-        conclude(lanes, history)
+        race.conclude(history, lanes)
     winner = history.entry(store.crown()) or Ranking(history).best
     tuned = tuning.tune_winner(lanes, checker, winner) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
@@ -85,46 +80,3 @@ def run(
     store.end(outcome.word)
     tell(outcome)
     return outcome
-
-
-def conclude(lanes: Lanes, history: History) -> None:
-    """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
-    Where there is one, the store holds its crown, and `best/` its policy.
-
-    The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
-    """
-    config, store, tell = lanes.config, lanes.store, lanes.tell
-    tell(Began("final"))
-    confirmed = history.entry(store.crown())
-    best = confirmed or race.crown(history, lanes)
-    if best is None:
-        keep(lanes, Ranking(history).best)
-        return score_nearest(lanes, history)
-    tell(Began("evaluate"))
-    finals = lanes.final(race.contenders(history))
-    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm]))
-    results = store.lanes.results()
-    own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
-    winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
-    keep(lanes, best, winner)
-    if winner is not None:
-        lanes.try_out(hacking.tryouts(own, winner, lanes.counted_peaks(own)))
-    if confirmed is None:
-        store.save_crown(best.sample.place)
-
-
-def score_nearest(lanes: Lanes, history: History) -> None:
-    """Where nobody wins, tell that in numbers too: those of the candidate that came nearest, held out."""
-    ranking = Ranking(history)
-    nearest = ranking.nearest or ranking.best
-    if nearest is not None and nearest.result is not None:
-        lanes.tell(Began("evaluate"))
-        lanes.evaluate(lanes.counted_peaks([nearest.result.lane]))
-
-
-def keep(lanes: Lanes, best: Scored | None, lane: str | None = None) -> None:
-    """Leave the best reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
-    if best is None:  # who led may be rejected by now
-        return lanes.store.folders.clear("best")
-    lane = lane or lane_id(best.candidate_id, lanes.config.seed)
-    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.counted_peaks([lane])[lane]))

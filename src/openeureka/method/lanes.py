@@ -23,6 +23,7 @@ from ..types import (
     LaneSpec,
     Observe,
     Peak,
+    PolicyId,
     Ranges,
     Ranks,
     RewardProgram,
@@ -34,6 +35,7 @@ from ..types import (
     TrainingResult,
     TrainingState,
     Tryout,
+    lane_id,
 )
 from .schedule import RUNGS, WHOLE, Ladder
 from .seeds import Wanted, final_lanes
@@ -278,6 +280,13 @@ class Lanes:
         plays = self.store.lanes.plays()
         limits = self.config.cost_limits
         return {lane: counted_peak(plays.get(lane), self.peaks[0], limits) for lane in ids}
+
+    def keep(self, best: Scored | None, lane: str | None = None) -> None:
+        """Leave a reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
+        if best is None:  # who led may be rejected by now
+            return self.store.folders.clear("best")
+        lane = lane or lane_id(best.candidate_id, self.config.seed)
+        self.store.save_best(best.sample.candidate, PolicyId(lane, self.counted_peaks([lane])[lane]))
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by lane id, each of the named policy; a lane without it has none."""

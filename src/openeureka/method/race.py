@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from ..config import RunConfig
+from ..events import Began
 from ..reward.form import form
-from ..score import Arm, Outcome, lawful, level, rank
+from ..score import Arm, Outcome, lawful, level, rank, worth
 from ..stats import difference, mean, pearson, spent
 from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, RewardProgram, Scored, TrainingResult
-from . import baselines
+from . import baselines, hacking
 from .lanes import Lanes
 from .seeds import beside, deal, final_lanes, final_seeds, programs
 
@@ -26,6 +27,41 @@ Scores = Mapping[str, Sequence[float]]
 """Played F of every final lane, by the name of its reward."""
 Look = Callable[[Sequence[str], Sequence[int]], tuple[Scores, Sequence[str]]]
 """Takes the names of rewards, and seeds that these train with; gives the scores of all by then, and who may win."""
+
+
+def conclude(history: History, lanes: Lanes) -> None:
+    """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
+    Where there is one, the store holds its crown, and `best/` its policy.
+
+    The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
+    """
+    config, store, tell = lanes.config, lanes.store, lanes.tell
+    tell(Began("final"))
+    confirmed = history.entry(store.crown())
+    best = confirmed or crown(history, lanes)
+    if best is None:
+        lanes.keep(Ranking(history).best)
+        return _score_nearest(history, lanes)
+    tell(Began("evaluate"))
+    finals = lanes.final(contenders(history))
+    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm]))
+    results = store.lanes.results()
+    own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
+    winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
+    lanes.keep(best, winner)
+    if winner is not None:
+        lanes.try_out(hacking.tryouts(own, winner, lanes.counted_peaks(own)))
+    if confirmed is None:
+        store.save_crown(best.sample.place)
+
+
+def _score_nearest(history: History, lanes: Lanes) -> None:
+    """Where nobody wins, tell that in numbers too: those of the candidate that came nearest, held out."""
+    ranking = Ranking(history)
+    nearest = ranking.nearest or ranking.best
+    if nearest is not None and nearest.result is not None:
+        lanes.tell(Began("evaluate"))
+        lanes.evaluate(lanes.counted_peaks([nearest.result.lane]))
 
 
 def contenders(history: History) -> tuple[Scored, ...]:

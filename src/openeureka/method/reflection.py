@@ -10,7 +10,18 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from ..types import Evaluation, Limits, Sample, Scored, TrainingResult, TrainingState, VerdictCode, of_components
+from ..config import RunConfig
+from ..types import (
+    Evaluation,
+    Limits,
+    Sample,
+    Scored,
+    TrainingResult,
+    TrainingState,
+    VerdictCode,
+    lane_id,
+    of_components,
+)
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -30,6 +41,25 @@ _STAGED = ", the last stage of a curriculum; it began with what the stages befor
 _AVERAGED = ", averaged over the last {window} epochs"
 _LATE = " (none: too early to tell)"
 _RANKS = "; rewards are ranked by the score when played instead"
+
+
+def scored(
+    config: RunConfig,
+    samples: Sequence[Sample],
+    results: Mapping[str, TrainingResult],
+    scores: Mapping[str, Evaluation],
+    *,
+    style: Style,
+    window: int,
+) -> list[Scored]:
+    """Every slot of a generation with its training and its played score, by lane id, if any, and the feedback on it."""
+    entries: list[Scored] = []
+    for sample in samples:
+        lane = lane_id(sample.verdict.candidate, config.seed)
+        result, played = results.get(lane), scores.get(lane)
+        feedback = reflect(sample, result, style, played, config.cost_limits, window)
+        entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
+    return entries
 
 
 def reflect(
