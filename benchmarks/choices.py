@@ -30,7 +30,7 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
     "`full`: all to the end": (),
     "halving at 1/8, 1/4, 1/2": RUNGS["halving"],
     "halving at 1/4, 1/2": (Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
-    "a quarter goes on at 1/4": (Rung(1 / 4, 1 / 4),),
+    "a quarter goes on at 1/4": RUNGS["quarter"],
     "a quarter goes on at 1/8": (Rung(1 / 8, 1 / 4),),
     "all end at 1/2": (Rung(1 / 2, 0.0),),
     "all end at 1/4": (Rung(1 / 4, 0.0),),

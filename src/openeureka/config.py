@@ -16,7 +16,7 @@ NO_MODEL = "none"
 NO_RANGES = "none"
 """`randomise` of a run whose worlds are the task's own."""
 BONUSES = ("none", "original", "progress")
-SCHEDULES = ("full", "halving")
+SCHEDULES = ("full", "quarter", "halving")
 OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
 STARTS = BEST, SCRATCH = "best", "scratch"
@@ -104,7 +104,7 @@ class RunConfig:
     screen: int = 1
     """Ask for this many times the rewards that train, and train those that differ most; 1 trains every one."""
     schedule: str = "full"
-    """`full`: every candidate trains to its end. `halving`: the weaker half stops at an eighth, a quarter and half."""
+    """`full`: all train to the end. `quarter`: a quarter goes on at 1/4. `halving`: half go on at 1/8, 1/4 and 1/2."""
     bonus: str = "none"
     """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"

@@ -70,6 +70,17 @@ def test_those_that_are_cut_before_f_is_told_play_all_the_same(tmp_path: Path):
     assert [c.score for c in cut] == [worth - 1.0 for worth in WORTHS if worth != 8]
 
 
+def test_a_quarter_of_the_candidates_goes_on_after_a_quarter(tmp_path: Path):
+    trainer = ToyTrainer()
+    search(tmp_path / "run", trainer, replace(CONFIG, schedule="quarter"))
+    assert {worth: trainer.trained.count(lane(worth)) for worth in WORTHS if worth != 8} == {
+        **dict.fromkeys((1, 2, 3, 4, 5, 6), 1),
+        7: 2,
+    }
+    cut = [one.result.message for one in RunView.read(tmp_path / "run").candidates if one.result and one.result.message]
+    assert len(cut) == 6 and "after 0.25 of its steps, at place 3 of 8" in cut
+
+
 def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):
     trainer = ToyTrainer()
     search(tmp_path / "run", trainer)
@@ -221,7 +232,7 @@ def test_a_single_candidate_is_not_stopped_on_the_way(tmp_path: Path):
 def test_a_curriculum_is_no_place_for_rungs():
     with pytest.raises(ConfigError, match="leave one of them out"):
         RunConfig(schedule="halving", curriculum="spin")
-    with pytest.raises(ConfigError, match="full, halving"):
+    with pytest.raises(ConfigError, match="full, quarter, halving"):
         RunConfig(schedule="fast")
 
 

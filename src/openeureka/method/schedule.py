@@ -28,6 +28,7 @@ WHOLE = Rung(share=1.0, kept=1.0)
 """The end of a training."""
 RUNGS: Mapping[str, tuple[Rung, ...]] = {
     "full": (),
+    "quarter": (Rung(1 / 4, 1 / 4),),
     "halving": (Rung(1 / 8, 1 / 2), Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
 }
 """By the setting `schedule`."""
