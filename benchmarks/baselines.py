@@ -78,7 +78,7 @@ def _summarised(entry: Record) -> Record:
     lanes: Record = entry["lanes"]
     trainings = [lane["training"] for lane in lanes.values()]
 
-    def arm(reward: str) -> Record:
+    def scored(reward: str) -> Record:
         seeds = [lanes[name] for name in sorted(lanes, key=_place) if name.startswith(f"{reward}-")]
         return {
             "training": [lane["fitness_max_over_epochs"] for lane in seeds],
@@ -86,7 +86,7 @@ def _summarised(entry: Record) -> Record:
         }
 
     return {
-        **{reward: arm(reward) for reward in OWN_REWARDS},
+        **{reward: scored(reward) for reward in OWN_REWARDS},
         "env_steps": entry["env_steps"],
         "worlds": entry["worlds"],
         "device": ", ".join(sorted({training["device"] for training in trainings})),

@@ -86,7 +86,7 @@ def measure(env: str, group: str) -> Record:
     run = openeureka.train(
         env, [*rewards, *others], dir=OUTPUTS / "claims" / f"{env}_{group}", seed=SEED, steps=STEPS[env]
     )
-    scores = [mean(arm.scores) for arm in run.view.given.values()]
+    scores = [mean(own.scores) for own in run.view.given.values()]
     own = {"replies": len(replies), "scores": scores[: len(rewards)]}
     return {**own, **({"human": scores[-1]} if others else {}), "steps": STEPS[env], "seed": SEED, **machine("cpu")}
 

@@ -36,16 +36,16 @@ def measure() -> Record:
 
 def rows(measured: Record) -> list[tuple[str, ...]]:
     """A row for each reward, best first: held-out F over seeds, and the interval of its difference to the human one."""
-    arms: dict[str, list[float]] = measured["held_out"]
-    return [_row(name, arms) for name in sorted(arms, key=lambda name: -(mean(arms[name]) or 0.0))]
+    rewards: dict[str, list[float]] = measured["held_out"]
+    return [_row(name, rewards) for name in sorted(rewards, key=lambda name: -(mean(rewards[name]) or 0.0))]
 
 
-def _row(name: str, arms: dict[str, list[float]]) -> tuple[str, ...]:
-    rivals = [arms[other] for other in arms if other not in (name, "human")]
-    found = difference(arms[name], arms["human"], rivals, claims=len(arms) - 1)
+def _row(name: str, rewards: dict[str, list[float]]) -> tuple[str, ...]:
+    rivals = [rewards[other] for other in rewards if other not in (name, "human")]
+    found = difference(rewards[name], rewards["human"], rivals, claims=len(rewards) - 1)
     between = f"{found.value:+.0f} ({found.low:+.0f} to {found.high:+.0f})" if found and name != "human" else ""
-    seeds = ", ".join(number(value, 3) for value in arms[name])
-    return AUTHORS[name], f"**{number(mean(arms[name]), 3)}**", seeds, between
+    seeds = ", ".join(number(value, 3) for value in rewards[name])
+    return AUTHORS[name], f"**{number(mean(rewards[name]), 3)}**", seeds, between
 
 
 if __name__ == "__main__":

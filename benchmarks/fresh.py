@@ -81,12 +81,12 @@ def held_out(run: openeureka.Run, count: int) -> dict[str, list[float]]:
     Raises:
         SystemExit: where a training has no score: a mean of those that have one would flatter the reward.
     """
-    arms = run.view.given
-    for name, arm in arms.items():
-        if len(arm.scores) < count:
-            unscored = f"{count - len(arm.scores)} of {count} trainings of {name} have no held-out score"
+    given = run.view.given
+    for name, own in given.items():
+        if len(own.scores) < count:
+            unscored = f"{count - len(own.scores)} of {count} trainings of {name} have no held-out score"
             raise SystemExit(f"{unscored}, so nothing is compared. `eureka report {run.directory}` says why.")
-    return {name: list(arm.scores) for name, arm in arms.items()}
+    return {name: list(own.scores) for name, own in given.items()}
 
 
 def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1) -> list[float]:

@@ -161,7 +161,7 @@ def _row(one: Record) -> tuple[str, ...]:
     played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]
     seeds = f"{len(one['generated'])}, {len(one['human'])}"
     size = (str(one["sample"]), f"{one['steps']:,}")
-    held_out = [number(mean(arm)) for arm in (one["generated"], one["human"])]
+    held_out = [number(mean(own)) for own in (one["generated"], one["human"])]
     return (one["env"], one["model"], *size, *played, apart, *held_out, seeds)
 
 

@@ -161,7 +161,7 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
         "seed": cell.seed,
         "crowned": str(run.best.place),
         "generated": list(ends.method.held_out),
-        "runners_up": {str(place): list(arm.held_out) for place, arm in ends.rivals.items()},
+        "runners_up": {str(place): list(own.held_out) for place, own in ends.rivals.items()},
         "human": list(ends.human.held_out),
         "sparse": list(ends.sparse.held_out),
         "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
@@ -202,7 +202,7 @@ def ending(row: Record) -> str:
 def decidable(row: Record) -> bool:
     """Whether so few seeds can decide. Where F has two values, not always: even all against none may be chance."""
     own, human, *among = (
-        _defined(arm) for arm in (row["generated"], row["human"], *row.get("runners_up", {}).values())
+        _defined(own) for own in (row["generated"], row["human"], *row.get("runners_up", {}).values())
     )
     if not two_valued([*own, *human]):
         return True
@@ -237,9 +237,9 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 
 def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
     between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
-    arms = row["generated"], row["human"], sparse
-    score = plainly_normalised(*map(mean, arms))
-    return *map(spread, arms), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
+    scores = row["generated"], row["human"], sparse
+    score = plainly_normalised(*map(mean, scores))
+    return *map(spread, scores), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
 
 
 def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
@@ -253,7 +253,7 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, 
     of the larger F."""
     found = []
     for name, row in differences(measured):
-        if largest := max(abs(mean(row[arm]) or 0.0) for arm in ("generated", "human")):
+        if largest := max(abs(mean(row[name]) or 0.0) for name in ("generated", "human")):
             value, low, high = (end / largest for end in row["difference"])
             found.append((name, ending(row), value, low, high))
     return found

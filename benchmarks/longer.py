@@ -56,9 +56,9 @@ def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
     for env in (env for env in tasks if env in measured):
         first, later = headline.decided(known[env]), headline.decided(measured[env])
         later |= {"difference": fresh.between(later["human"], later["generated"], claims=len(tasks)), "confirmed": None}
-        arms = (spread(row[arm]) for row in (first, later) for arm in ("generated", "human"))
+        scores = (spread(row[name]) for row in (first, later) for name in ("generated", "human"))
         ends = interval(*later["difference"], digits=3), headline.ending(later), later["crowned"]
-        found.append([short_name(env), *arms, *ends])
+        found.append([short_name(env), *scores, *ends])
     return found
 
 

@@ -28,7 +28,7 @@ from openeureka.numbers import number, spread
 from openeureka.parsing import parse
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
-from openeureka.score import Arm
+from openeureka.score import SeedScores
 from openeureka.strategies import Ranking
 from openeureka.types import History
 
@@ -105,17 +105,17 @@ def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
         "crowned": str(run.best.place),
-        "generated": _arm(found.method),
-        "runners_up": {str(place): _arm(arm) for place, arm in found.rivals.items()},
-        "human": _arm(found.human),
-        "sparse": _arm(found.sparse),
+        "generated": _held_out(found.method),
+        "runners_up": {str(place): _held_out(own) for place, own in found.rivals.items()},
+        "human": _held_out(found.human),
+        "sparse": _held_out(found.sparse),
         "score": found.normalised,
         "verdict": verdict(run),
     }
 
 
-def _arm(arm: Arm) -> list[float | None]:
-    return list(arm.held_out)
+def _held_out(own: SeedScores) -> list[float | None]:
+    return list(own.held_out)
 
 
 def markdown() -> str:

@@ -77,11 +77,11 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     return {
         "settings": settings,
         "held_out": {
-            name: list(found.arms[key].held_out)
+            name: list(found.finals[key].held_out)
             for name, key in (("before", ORIGINAL), ("after", found.after))
-            if key in found.arms
+            if key in found.finals
         },
-        "rivals": [list(arm.held_out) for name, arm in found.arms.items() if name not in (ORIGINAL, found.after)],
+        "rivals": [list(own.held_out) for name, own in found.finals.items() if name not in (ORIGINAL, found.after)],
         "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
         "numbers": [
             {

@@ -54,10 +54,10 @@ def spreads(measured: Mapping[str, Record]) -> dict[str, Spreads]:
     """By task, where F has more than two values: else no spread decides."""
     found: dict[str, Spreads] = {}
     for env, row in measured.items():
-        arms = [[score for score in row[name] if score is not None] for name in ("generated", "human")]
-        raced = [arms[0], *([score for score in arm if score is not None] for arm in row["runners_up"].values())]
-        if not stats.two_valued([*arms[0], *arms[1]]):
-            found[env] = [stdev(arm) for arm in raced if len(arm) > 1], stdev(arms[1])
+        scores = [[score for score in row[name] if score is not None] for name in ("generated", "human")]
+        raced = [scores[0], *([score for score in own if score is not None] for own in row["runners_up"].values())]
+        if not stats.two_valued([*scores[0], *scores[1]]):
+            found[env] = [stdev(own) for own in raced if len(own) > 1], stdev(scores[1])
     return found
 
 

@@ -139,7 +139,7 @@ def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Arm:
+class SeedScores:
     """One reward's final trainings, a value per seed; None where that seed has none, as where it diverged at once."""
 
     training: tuple[float | None, ...] = ()
@@ -159,10 +159,10 @@ class Outcome:
 
     best: Scored | None
     """The confirmed winner; None when no program ever trained, or each breaks a limit."""
-    method: Arm = Arm()
-    human: Arm = Arm()
-    sparse: Arm = Arm()
-    rivals: Mapping[Place, Arm] = field(default_factory=dict[Place, Arm])
+    method: SeedScores = SeedScores()
+    human: SeedScores = SeedScores()
+    sparse: SeedScores = SeedScores()
+    rivals: Mapping[Place, SeedScores] = field(default_factory=dict[Place, SeedScores])
     """The other rewards that the best was confirmed against."""
     share: float = 1.0
     """Of all errors, those that the look at which the race stopped may make: see `stats.spent`."""
@@ -185,7 +185,7 @@ class Outcome:
     def difference(self) -> Difference | None:
         """To the human reward, held out. It allows for the best having been picked among several, and for every look
         at which the race might have stopped."""
-        rivals = [arm.scores for arm in self.rivals.values()]
+        rivals = [own.scores for own in self.rivals.values()]
         claims = (1 + len(rivals)) / self.share
         return difference(self.method.scores, self.human.scores, rivals, claims=claims)
 

@@ -18,7 +18,7 @@ from openeureka.events import nobody
 from openeureka.llm.registry import archived
 from openeureka.method import race
 from openeureka.method.lanes import Lanes
-from openeureka.score import Arm
+from openeureka.score import SeedScores
 from openeureka.store import Store
 from openeureka.store.db import FILENAME
 from openeureka.tasks import registry
@@ -118,8 +118,8 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: py
 
 def test_a_training_without_a_score_is_told_and_not_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     run = headline.archive("cartpole")
-    arms = {"human": Arm(held_out=(1.0, 2.0)), "mine": Arm(held_out=(3.0, None))}
-    view = SimpleNamespace(config=run.config, directory=tmp_path, view=SimpleNamespace(given=arms))
+    given = {"human": SeedScores(held_out=(1.0, 2.0)), "mine": SeedScores(held_out=(3.0, None))}
+    view = SimpleNamespace(config=run.config, directory=tmp_path, view=SimpleNamespace(given=given))
     monkeypatch.setattr(headline.fresh.openeureka, "train", lambda *_, **__: view)
     with pytest.raises(SystemExit, match="1 of 2 trainings of mine have no held-out score"):
         headline.fresh.trained(run.config, ["human", "mine"], tmp_path, 2)

@@ -29,9 +29,9 @@ def test_the_list_of_tasks_fits_a_terminal_of_80_columns(capsys, monkeypatch):
 
 
 def test_envs_shows_measured_baselines(capsys, monkeypatch):
-    arms = {"human": {"training": [9.0], "held_out": {"fitness": [7.0, 9.5], "reward": [0.0, 0.0]}},
+    both = {"human": {"training": [9.0], "held_out": {"fitness": [7.0, 9.5], "reward": [0.0, 0.0]}},
             "sparse": {"training": [5.0], "held_out": {"fitness": [None, 3.0], "reward": [4.0, 5.0]}}}  # fmt: skip
-    ant = {**arms, "env_steps": 10, "worlds": 1, "device": "a GPU", "date": "2026-01-01"}
+    ant = {**both, "env_steps": 10, "worlds": 1, "device": "a GPU", "date": "2026-01-01"}
     monkeypatch.setattr(baselines, "_shipped", lambda: {"ant": ant})
     envs()
     rows = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line}

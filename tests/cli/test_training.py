@@ -14,7 +14,7 @@ from openeureka.method import baselines
 from openeureka.method.baselines import Baselines
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import listed, named
-from openeureka.score import Arm
+from openeureka.score import SeedScores
 from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
@@ -43,8 +43,8 @@ def test_every_reward_and_seed_is_a_lane_of_one_population(toy, tmp_path, capsys
 
 
 KNOWN = Baselines(
-    human=Arm(training=(9.0,), held_out=(10.0, 12.0)),
-    sparse=Arm(training=(5.0,), held_out=(6.0, 8.0)),
+    human=SeedScores(training=(9.0,), held_out=(10.0, 12.0)),
+    sparse=SeedScores(training=(5.0,), held_out=(6.0, 8.0)),
     env_steps=1000, worlds=8, device="2 cores", date="2026-01-01",
 )  # fmt: skip
 
@@ -241,7 +241,7 @@ def test_a_stopped_training_goes_on_with_what_is_missing(toy, tmp_path, monkeypa
     assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1", "sparse-s1"]
     assert folder.entry("", tmp_path / "out").state is folder.RunState.FINISHED
     run = RunView.read(tmp_path / "out")
-    assert {name: arm.held_out for name, arm in run.given.items()} == {"human": (9.0, 9.01), "sparse": (4.0, 4.01)}
+    assert {name: own.held_out for name, own in run.given.items()} == {"human": (9.0, 9.01), "sparse": (4.0, 4.01)}
 
 
 def test_a_run_that_was_killed_before_it_had_its_rewards_says_what_to_type(toy, tmp_path):

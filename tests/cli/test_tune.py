@@ -105,7 +105,7 @@ def test_what_it_leaves_open_the_last_line_decides(toy, mine, tmp_path, capsys):
     decided = RunView.read(tmp_path / "decided")
     before, after = decided.given
     glance, tuned = folder.entry("out", tmp_path / "out").glance, RunView.read(tmp_path / "out").tuned
-    assert glance is not None and glance.held_out == mean(tuned.arms[tuned.after].held_out)
+    assert glance is not None and glance.held_out == mean(tuned.finals[tuned.after].held_out)
     assert decided.texts[before].source == MINE != decided.texts[after].source
     assert f"{after} is better than {before}" in capsys.readouterr().out
     assert unescape(

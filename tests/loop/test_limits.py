@@ -187,7 +187,7 @@ def test_fitted_numbers_that_keep_a_limit_replace_a_reward_that_breaks_it(tmp_pa
     run = RunView.read(directory)
     found = run.tuned
     assert run.crown is None and found is not None and found.after
-    before, after = found.arms["original"].scores, found.arms[found.after].scores
+    before, after = found.finals["original"].scores, found.finals[found.after].scores
     assert min(before) > max(after)  # by F alone the text as it came would stay
     assert found.breach_before == "torque 13 N m, above 10" and not found.breach
     assert found.better == found.after and "return 3.0 * y" not in (directory / "best" / "reward.py").read_text()

@@ -23,7 +23,7 @@ from openeureka.method.lanes import CHOOSING, HELD_OUT
 from openeureka.method.sampling import Sampler, request_seed
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
-from openeureka.score import Arm, Outcome
+from openeureka.score import Outcome, SeedScores
 from openeureka.store import Store, read_replies
 from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
@@ -103,8 +103,8 @@ def test_known_baselines_are_not_trained_again(begin, monkeypatch) -> None:
     def known(env: str, *, played: bool) -> Baselines:
         assert (env, played) == ("cartpole", True)
         return Baselines(
-            human=Arm(training=(9.0,), held_out=(9.0, 11.0)),
-            sparse=Arm(training=(5.0,), held_out=(2.0,)),
+            human=SeedScores(training=(9.0,), held_out=(9.0, 11.0)),
+            sparse=SeedScores(training=(5.0,), held_out=(2.0,)),
             env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
         )  # fmt: skip
 
@@ -476,7 +476,7 @@ def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_
 ) -> None:
     """No human reward trains beside it; the trainer has found that one would."""
     measured = Baselines(
-        human=Arm(training=(9.0,), held_out=(9.0,)), sparse=Arm(training=(5.0,), held_out=(2.0,)),
+        human=SeedScores(training=(9.0,), held_out=(9.0,)), sparse=SeedScores(training=(5.0,), held_out=(2.0,)),
         env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
     )  # fmt: skip
     monkeypatch.setattr(baselines, "known", lambda env, *, played: measured)

@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from openeureka.score import Arm, Outcome, clipped, human_normalised, pooled, rank
+from openeureka.score import Outcome, SeedScores, clipped, human_normalised, pooled, rank
 from openeureka.types import Evaluation
 
 
@@ -51,9 +51,9 @@ def test_errors_of_looks_that_share_start_states_add_up() -> None:
 def test_an_outcome_is_normalised_by_means_over_seeds() -> None:
     outcome = Outcome(
         best=None,
-        method=Arm(training=(7.0, 9.0), held_out=(3.0, None)),
-        human=Arm(training=(6.0, 6.0), held_out=(4.0, 4.0)),
-        sparse=Arm(training=(1.0, 3.0), held_out=(2.0, 2.0)),
+        method=SeedScores(training=(7.0, 9.0), held_out=(3.0, None)),
+        human=SeedScores(training=(6.0, 6.0), held_out=(4.0, 4.0)),
+        sparse=SeedScores(training=(1.0, 3.0), held_out=(2.0, 2.0)),
     )
     assert outcome.normalised_training == 1.5  # (8 - 2) / (6 - 2)
     assert outcome.normalised == 0.5  # (3 - 2) / (4 - 2)

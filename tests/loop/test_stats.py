@@ -45,8 +45,8 @@ def test_the_interval_of_a_difference_by_hand() -> None:
 
 
 def test_the_best_of_several_needs_a_wider_interval() -> None:
-    arms = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
-    one, both = (difference(arms[0], arms[1], arms[2:], claims=claims) for claims in (1, 2))
+    groups = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
+    one, both = (difference(groups[0], groups[1], groups[2:], claims=claims) for claims in (1, 2))
     assert one is not None and both is not None
     # Of the two alone, t(2): 4.303 at 97.5 %, 6.205 at 98.75 %; of all three, t(3): 3.182, 4.177.
     assert (both.high - both.value) / (one.high - one.value) == pytest.approx(6.205 / 4.303, abs=1e-3)
@@ -108,10 +108,10 @@ def test_intervals_hold_as_often_as_they_say(seed: int) -> None:
     random = Random(seed)
     missed = 0
     for _ in range(1000):
-        arms = [[random.gauss(0, 1) for _ in range(3)] for _ in range(4)]
-        best = max(range(3), key=lambda arm: mean(arms[arm]))
-        rivals = [arms[arm] for arm in range(3) if arm != best]
-        found = difference(arms[best], arms[3], rivals, claims=3)
+        groups = [[random.gauss(0, 1) for _ in range(3)] for _ in range(4)]
+        best = max(range(3), key=lambda group: mean(groups[group]))
+        rivals = [groups[group] for group in range(3) if group != best]
+        found = difference(groups[best], groups[3], rivals, claims=3)
         missed += found is not None and found.sure and found.value > 0
     assert missed < 50  # 25 of 1000 a side if none were picked; Bonferroni keeps the best of three below that
 
@@ -134,10 +134,10 @@ def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: in
     """The best of some rewards that succeed as often as the human one, beside others that never do, by their binomial
     chances: either side is sure in 2.5 of 100 races at most."""
     able, missed = 3 - never, {True: 0.0, False: 0.0}
-    arms = [[1.0] * k + [0.0] * (3 - k) for k in range(4)]
+    groups = [[1.0] * k + [0.0] * (3 - k) for k in range(4)]
     for counts in product(range(4), repeat=able):
-        best = arms[max(counts)]
-        rivals = [arms[k] for k in sorted(counts)[:-1]] + [arms[0]] * never
+        best = groups[max(counts)]
+        rivals = [groups[k] for k in sorted(counts)[:-1]] + [groups[0]] * never
         for human in range(5):
             chance = math.prod(_binomial(3, k, rate) for k in counts) * _binomial(4, human, rate)
             found = difference(best, [1.0] * human + [0.0] * (4 - human), rivals, claims=3 / 0.9)

@@ -147,10 +147,10 @@ def drawn(random: Random, names: list[str], seeds: int) -> bool:
     return race.sure(scores, winner, "human", len(names) / spent(len(scores[winner]), seeds, race.FIRST))
 
 
-@pytest.mark.parametrize(("seeds", "arms"), [(2, 1), (3, 3), (10, 1), (20, 1)])
-def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, arms: int) -> None:
-    random = Random(f"{seeds} {arms}")
-    wrong = sum(drawn(random, [f"reward {number}" for number in range(arms)], seeds) for _ in range(1000))
+@pytest.mark.parametrize(("seeds", "raced"), [(2, 1), (3, 3), (10, 1), (20, 1)])
+def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, raced: int) -> None:
+    random = Random(f"{seeds} {raced}")
+    wrong = sum(drawn(random, [f"reward {number}" for number in range(raced)], seeds) for _ in range(1000))
     assert wrong <= 70  # 50 are to be expected at most, and 70 hardly ever: three standard errors more
 
 

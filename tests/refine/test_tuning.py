@@ -31,7 +31,7 @@ from openeureka.report.verdict import deciding, nexts, of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
-from openeureka.score import Arm, Outcome
+from openeureka.score import Outcome, SeedScores
 from openeureka.stats import Difference, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
@@ -117,7 +117,7 @@ def go(directory: Path, trainer: ToyTrainer, text: str, *, checker: Checker | No
 def test_spoiled_numbers_find_the_way_back(tmp_path: Path, seed: int) -> None:
     trainer = Hill(noise=1.0, error=1.0)
     found = go(tmp_path, trainer, spoiled(seed), tune=48)
-    before, after = (sum(found.arms[name].scores) / len(found.arms[name].scores) for name in (ORIGINAL, found.after))
+    before, after = (mean(found.finals[name].scores) or 0.0 for name in (ORIGINAL, found.after))
     # Played and held out are one less than in training: 99 is the top. Three quarters of the way at least.
     assert after - before > 0.75 * (99.0 - before) - 1.0
     assert len([lane for lane in trainer.trained if lane.endswith("-s0")]) == 48
@@ -195,8 +195,8 @@ def test_a_text_that_a_search_cut_is_no_low_weighting(tmp_path: Path) -> None:
 def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
-    assert found.better == ORIGINAL and len(found.arms) == 3
-    assert fitted.arms(RunView.read(tmp_path), found).note.endswith("best/ holds the reward before.")
+    assert found.better == ORIGINAL and len(found.finals) == 3
+    assert fitted.finals(RunView.read(tmp_path), found).note.endswith("best/ holds the reward before.")
     assert "The tuned numbers are worse than those before" in of_tuning(found)
 
 
@@ -353,17 +353,18 @@ def test_a_text_that_was_proposed_twice_or_is_the_one_that_came_races_once() -> 
 
 
 def test_nothing_is_said_of_a_race_before_its_policies_are_judged(tmp_path: Path) -> None:
-    going = Arm(training=(5.0, 6.0), held_out=(None, None))
-    found = Tuned(trials=(), trained=0, effects=(), after="t0.1", arms={ORIGINAL: going, "t0.1": going})
+    going = SeedScores(training=(5.0, 6.0), held_out=(None, None))
+    found = Tuned(trials=(), trained=0, effects=(), after="t0.1", finals={ORIGINAL: going, "t0.1": going})
     assert of_tuning(found) == "Not decided yet: the final trainings are not done."
-    known = replace(found, arms={ORIGINAL: Arm(training=(5.0,), held_out=(5.0,)), "t0.1": going})  # as in a search
+    half = {ORIGINAL: SeedScores(training=(5.0,), held_out=(5.0,)), "t0.1": going}  # as in a search
+    known = replace(found, finals=half)
     assert of_tuning(known) == "Not decided yet: the final trainings are not done."
     assert "with the numbers after, no final training left a policy" in of_tuning(replace(known, judged=True))
     Store.open(tmp_path, config()).close()
     run = RunView.read(tmp_path)
-    assert "best/" not in fitted.arms(run, found).note and "noise" not in fitted.arms(run, found).note
+    assert "best/" not in fitted.finals(run, found).note and "noise" not in fitted.finals(run, found).note
     noisy = Evaluation(lane="a", fitness=1.0, episode_length=1.0, episodes=4, noisy=True)
-    assert "actions have the noise of training" in fitted.arms(replace(run, evaluations={"a": noisy}), found).note
+    assert "actions have the noise of training" in fitted.finals(replace(run, evaluations={"a": noisy}), found).note
 
 
 # --- at the end of a search ------------------------------------------------------------------------------------------
@@ -403,7 +404,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
         assert store.glance().fitness == view.ranking.best.score, "fitted numbers are no candidates"
     assert Run(tmp_path).finished
     told = figures.read(Cell("cartpole", "fitted", 0), tmp_path)  # a bench compares what is handed over
-    assert told is not None and told.held_out == mean(found.arms[found.better].held_out) != mean(
+    assert told is not None and told.held_out == mean(found.finals[found.better].held_out) != mean(
         outcome.method.held_out
     )
     again = ToyTrainer()
@@ -550,9 +551,9 @@ def test_ties_share_a_rank_and_an_undefined_f_has_the_lowest() -> None:
 
 def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(noise=3.0, error=3.0), spoiled(3), tune=16)
-    (rival,) = (arm.scores for name, arm in found.arms.items() if name not in (ORIGINAL, found.after))
+    (rival,) = (own.scores for name, own in found.finals.items() if name not in (ORIGINAL, found.after))
     assert found.difference == tuned.difference(
-        found.arms[found.after].scores, found.arms[ORIGINAL].scores, [rival], claims=2 / 0.9
+        found.finals[found.after].scores, found.finals[ORIGINAL].scores, [rival], claims=2 / 0.9
     )
     assert isinstance(found.difference, Difference)
 
@@ -582,7 +583,7 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(
     view = RunView.read(tmp_path)
     found, own = view.tuned, view.best
     assert found is not None and own is not None and own.program is not None
-    before, after = (max(found.arms[name].scores) for name in (ORIGINAL, found.after))
+    before, after = (max(found.finals[name].scores) for name in (ORIGINAL, found.after))
     assert before < after <= 6.5  # played, a policy scores one less than its worth
     best = (tmp_path / "best" / "reward.py").read_text()
     if more:

@@ -13,7 +13,7 @@ from openeureka.report import html
 from openeureka.report.tables import measures, on_scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
-from openeureka.score import Arm, Outcome
+from openeureka.score import Outcome, SeedScores
 from openeureka.store import Store
 from openeureka.strategies import Ranking
 from openeureka.testing.scripted import ToyTrainer, reply
@@ -170,8 +170,8 @@ def test_before_the_end_nothing_is_claimed() -> None:
 def test_a_score_is_told_where_it_is_decided_and_its_zero_is_below_its_one(
     generated: tuple[float, ...], human: tuple[float, ...], sparse: float, told: tuple[str, str]
 ) -> None:
-    arms = [Arm(training=scores, held_out=scores) for scores in (generated, human, (sparse,))]
-    outcome = Outcome(best=None, method=arms[0], human=arms[1], sparse=arms[2])
+    three = [SeedScores(training=scores, held_out=scores) for scores in (generated, human, (sparse,))]
+    outcome = Outcome(best=None, method=three[0], human=three[1], sparse=three[2])
     assert tuple(value for _, value in measures(outcome).rows[:2]) == told
     assert (number(on_scale(outcome), 3), number(on_scale(outcome, training=True), 3)) == told
 

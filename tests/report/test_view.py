@@ -9,7 +9,7 @@ from openeureka.method.baselines import Baselines
 from openeureka.report import tables
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
-from openeureka.score import Arm
+from openeureka.score import SeedScores
 from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 from openeureka.types import Remark, RemarkKind
@@ -125,7 +125,7 @@ def test_a_folder_that_is_no_run_says_so(tmp_path):
 
 
 def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
-    measured = Baselines(human=Arm(held_out=(10.0,)), sparse=Arm(held_out=(5.0,)), env_steps=1, worlds=1,
+    measured = Baselines(human=SeedScores(held_out=(10.0,)), sparse=SeedScores(held_out=(5.0,)), env_steps=1, worlds=1,
                          device="cpu", date="2026-01-31")  # fmt: skip
     monkeypatch.setattr(baselines, "chosen", lambda config: measured)
     view = RunView.read(search_in(tmp_path / "run", [reply(7), reply(8)], baselines="known"))

@@ -84,8 +84,8 @@ def read(cell: Cell, directory: Path) -> Result | None:
 def _handed_over(run: RunView) -> Sequence[float | None]:
     """Held-out F of the reward in `best/`, a value a seed: with its fitted numbers where those are better."""
     found = run.tuned
-    if found is not None and found.better in found.arms:
-        return found.arms[found.better].held_out
+    if found is not None and found.better in found.finals:
+        return found.finals[found.better].held_out
     return run.outcome.method.held_out if run.outcome is not None else ()
 
 

@@ -25,7 +25,7 @@ from ..report.verdict import deciding, limits_reason, meaning, none_found, of_po
 from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
-from ..score import Arm, Outcome
+from ..score import Outcome, SeedScores
 from ..store import artifacts, is_held, read_config
 from ..store.db import LOG
 from ..text import plain
@@ -162,7 +162,7 @@ def closing(run: RunView, directory: Path) -> list[str]:
 
 
 def _fitted(run: RunView, found: Tuned) -> list[str]:
-    shown = [fitted.numbers(found), *([fitted.arms(run, found), fitted.components(found)] if found.arms else [])]
+    shown = [fitted.numbers(found), *([fitted.finals(run, found), fitted.components(found)] if found.finals else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
     return [*lines, plain(of_tuning(found))]
 
@@ -254,7 +254,7 @@ def _tuned(found: Tuned) -> dict[str, object]:
         ],
         "after": found.after,
         "better": found.better,
-        "final": {name: _fields(arm) for name, arm in found.arms.items()},
+        "final": {name: _fields(own) for name, own in found.finals.items()},
         "difference": _fields(found.difference),
         "components": {
             name: dict(zip(("before", "after"), pair, strict=True)) for name, pair in found.components.items()
@@ -306,17 +306,17 @@ def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[st
 
 def _final(outcome: Outcome) -> dict[str, object]:
     """Every reward of the final trainings, a number a seed, and how much better the best is than the human one."""
-    arms = {"best": outcome.method, **{str(place): arm for place, arm in outcome.rivals.items()}}
-    arms |= {"human": outcome.human, "sparse": outcome.sparse}
+    rewards = {"best": outcome.method, **{str(place): own for place, own in outcome.rivals.items()}}
+    rewards |= {"human": outcome.human, "sparse": outcome.sparse}
     found = outcome.difference
     return {
-        "rewards": {name: _arm(arm) for name, arm in arms.items()},
+        "rewards": {name: _of_seeds(own) for name, own in rewards.items()},
         "difference": _fields(found),
     }
 
 
-def _arm(arm: Arm) -> dict[str, object]:
-    return {"fitness": arm.training, "held_out_fitness": arm.held_out}
+def _of_seeds(own: SeedScores) -> dict[str, object]:
+    return {"fitness": own.training, "held_out_fitness": own.held_out}
 
 
 def report(words: Sequence[str]) -> None:

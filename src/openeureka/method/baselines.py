@@ -11,7 +11,7 @@ from typing import Any
 
 from ..config import NO_RANGES, RunConfig
 from ..errors import ConfigError
-from ..score import Arm, rank
+from ..score import SeedScores, rank
 from ..stats import mean
 
 
@@ -19,8 +19,8 @@ from ..stats import mean
 class Baselines:
     """Both ends of the scale for one task, measured beforehand."""
 
-    human: Arm
-    sparse: Arm
+    human: SeedScores
+    sparse: SeedScores
     env_steps: int
     worlds: int
     device: str
@@ -44,14 +44,14 @@ def known(env: str, *, played: bool = False) -> Baselines | None:
     if entry is None:
         return None
 
-    def arm(name: str) -> Arm:
+    def scored(name: str) -> SeedScores:
         held_out: Mapping[str, list[float]] = entry[name]["held_out"]
         peak = max(held_out, key=lambda peak: rank(mean(held_out[peak]))) if played else "fitness"
-        return Arm(training=tuple(entry[name]["training"]), held_out=tuple(held_out[peak]))
+        return SeedScores(training=tuple(entry[name]["training"]), held_out=tuple(held_out[peak]))
 
     return Baselines(
-        human=arm("human"),
-        sparse=arm("sparse"),
+        human=scored("human"),
+        sparse=scored("sparse"),
         env_steps=entry["env_steps"],
         worlds=entry["worlds"],
         device=entry["device"],

@@ -66,11 +66,11 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     peaks = lanes.counted_peaks(results)
     scores = lanes.evaluate(peaks)
     fitness = {lane: score.fitness for lane, score in scores.items()}
-    arms: dict[str, list[str]] = {}
+    by_reward: dict[str, list[str]] = {}
     for lane, record in of_given(store).items():
-        arms.setdefault(record.reward, []).append(lane)
-    best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
-    lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
+        by_reward.setdefault(record.reward, []).append(lane)
+    best = max(by_reward, key=lambda name: rank(mean([fitness.get(lane) for lane in by_reward[name]])))
+    lane = max(by_reward[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
     store.save_best(store.rewards.candidate(store.rewards.named()[best]), PolicyId(lane, kept or peaks[lane]))
 

@@ -208,9 +208,9 @@ class Lanes:
         for each in own:
             self.tell(each)
 
-    def final(self, arms: Iterable[Scored], seeds: Sequence[int] | None = None) -> dict[str, list[str]]:
+    def final(self, entries: Iterable[Scored], seeds: Sequence[int] | None = None) -> dict[str, list[str]]:
         """Lane ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
-        return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays(), seeds)
+        return final_lanes(self.config, entries, self.store.lanes.results(), self.store.lanes.plays(), seeds)
 
     def play(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing

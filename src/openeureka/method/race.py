@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from ..config import RunConfig
 from ..events import Began
 from ..reward.form import form
-from ..score import Arm, Outcome, lawful, level, rank, worth
+from ..score import Outcome, SeedScores, lawful, level, rank, worth
 from ..stats import difference, mean, pearson, spent
 from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, RewardProgram, Scored, TrainingResult
@@ -44,7 +44,7 @@ def conclude(history: History, lanes: Lanes) -> None:
         return _score_nearest(history, lanes)
     tell(Began("evaluate"))
     finals = lanes.final(contenders(history))
-    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm]))
+    scores = lanes.evaluate(lanes.counted_peaks([lane for own in finals.values() for lane in own]))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
@@ -94,27 +94,27 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
     Raises:
         WorkerError: see `Lanes.train`.
     """
-    arms = {entry.candidate_id: entry for entry in contenders(history)}
-    if not arms:
+    racing = {entry.candidate_id: entry for entry in contenders(history)}
+    if not racing:
         return None
     config, seeds, known = lanes.config, final_seeds(lanes.config), baselines.chosen(lanes.config)
 
     def train(names: Iterable[str], more: Iterable[int], *others: tuple[str, RewardProgram]) -> None:
-        lanes.train(deal([*programs(arms[name].sample for name in names), *others], more, "final"))
+        lanes.train(deal([*programs(racing[name].sample for name in names), *others], more, "final"))
 
     def look(names: Sequence[str], more: Sequence[int]) -> tuple[Scores, Sequence[str]]:
         train(names, more, *beside(config)[:1])
         by_now = range(seeds.start, more[-1] + 1)  # a resumed race decides each round by what there was in it
-        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), by_now))
+        first, scores = play_finals(lanes, lanes.final(tuple(racing.values()), by_now))
         if known is not None:
             scores["human"] = list(known.human.scores)
-        return scores, [name for name in arms if lawful(first[name], history.limits)]
+        return scores, [name for name in racing if lawful(first[name], history.limits)]
 
     if lanes.ranks != "played":
-        train(arms, seeds, *beside(config))
-        return next(iter(arms.values()))
-    left = hold([*arms], "human", seeds, look)
-    return arms[left[0]] if left else None
+        train(racing, seeds, *beside(config))
+        return next(iter(racing.values()))
+    left = hold([*racing], "human", seeds, look)
+    return racing[left[0]] if left else None
 
 
 def play_finals(
@@ -146,17 +146,17 @@ def outcome(
     known, trained = baselines.chosen(config), [results[lane] for lane in lanes[best.candidate_id]]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
 
-    def arm(name: str) -> Arm:
+    def scored(name: str) -> SeedScores:
         held_out = [scores[lane].fitness if lane in scores else None for lane in lanes[name]]
-        return Arm(training=tuple(results[lane].fitness for lane in lanes[name]), held_out=tuple(held_out))
+        return SeedScores(training=tuple(results[lane].fitness for lane in lanes[name]), held_out=tuple(held_out))
 
     return Outcome(
         best=best,
-        method=arm(best.candidate_id),
-        human=known.human if known else arm("human"),
-        sparse=known.sparse if known else arm("sparse"),
+        method=scored(best.candidate_id),
+        human=known.human if known else scored("human"),
+        sparse=known.sparse if known else scored("sparse"),
         # Not whom the scores of now would race: what plays after the race may change those.
-        rivals={entry.sample.place: arm(name) for name, entry in others.items() if lanes[name]},
+        rivals={entry.sample.place: scored(name) for name, entry in others.items() if lanes[name]},
         share=share(config, len(trained)) if best.played is not None else 1.0,
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),

@@ -62,7 +62,7 @@ def unused_seed(config: RunConfig) -> int:
 
 def final_lanes(
     config: RunConfig,
-    arms: Iterable[Scored],
+    entries: Iterable[Scored],
     results: Container[str],
     scores: Container[str],
     seeds: Sequence[int] | None = None,
@@ -75,7 +75,7 @@ def final_lanes(
         seeds: fresh ones to look for; None for all that a run may take.
     """
     wanted = final_seeds(config) if seeds is None else seeds
-    fresh = {entry.candidate_id: list(wanted) for entry in arms}
+    fresh = {entry.candidate_id: list(wanted) for entry in entries}
     fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
     return {
         name: [

@@ -11,7 +11,7 @@ from ..config import FEWEST_TUNED, NO_MODEL, RunConfig
 from ..method import race
 from ..method.seeds import tuning_seeds
 from ..reward.weights import Weight, values, weights
-from ..score import Arm, breach, lawful, pooled, rank
+from ..score import SeedScores, breach, lawful, pooled, rank
 from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, TrainingState, lane_id, of_components
 
@@ -89,7 +89,7 @@ class Tuned:
     effects: tuple[Effect, ...]
     after: str
     """Name of the weighting that the final trainings prefer among the others; empty before there are any."""
-    arms: Mapping[str, Arm] = field(default_factory=dict[str, Arm])
+    finals: Mapping[str, SeedScores] = field(default_factory=dict[str, SeedScores])
     """Final trainings by name, a value a seed: fresh seeds, for the text as it came and those that raced it."""
     components: Mapping[str, tuple[float | None, float | None]] = field(
         default_factory=dict[str, tuple[float | None, float | None]]
@@ -116,7 +116,7 @@ class Tuned:
             return ORIGINAL
         if self.breach_before:
             return self.after
-        return max((ORIGINAL, self.after), key=lambda name: rank(mean(self.arms[name].scores)))
+        return max((ORIGINAL, self.after), key=lambda name: rank(mean(self.finals[name].scores)))
 
     @property
     def lawful(self) -> bool:
@@ -129,9 +129,9 @@ class Tuned:
         look at which the race might have stopped."""
         if not self.after:
             return None
-        own, other = self.arms[self.after].scores, self.arms[ORIGINAL].scores
-        rivals = [arm.scores for name, arm in self.arms.items() if name not in (self.after, ORIGINAL)]
-        return difference(own, other, rivals, claims=(len(self.arms) - 1) / self.share)
+        own, other = self.finals[self.after].scores, self.finals[ORIGINAL].scores
+        rivals = [one.scores for name, one in self.finals.items() if name not in (self.after, ORIGINAL)]
+        return difference(own, other, rivals, claims=(len(self.finals) - 1) / self.share)
 
 
 def read(
@@ -162,7 +162,7 @@ def read(
         trained=sum(trial.result is not None for trial in trials),
         effects=_effects(texts[ORIGINAL], trials, after),
         after=after,
-        arms={name: _arm(own, results, evaluations) for name, own in raced.items()},
+        finals={name: _of_seeds(own, results, evaluations) for name, own in raced.items()},
         components=_components(*([results[lane] for lane in raced.get(name, ())] for name in (ORIGINAL, after))),
         judged=any(lane in evaluations for name, own in raced.items() for lane in own if name != ORIGINAL),
         share=race.share(config, len(lanes.get(after, ()))),
@@ -249,8 +249,8 @@ def _fitness(score: Evaluation | None) -> float | None:
     return score.fitness if score is not None else None
 
 
-def _arm(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Scores) -> Arm:
-    return Arm(
+def _of_seeds(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Scores) -> SeedScores:
+    return SeedScores(
         training=tuple(results[lane].fitness for lane in lanes),
         held_out=tuple(_fitness(scores.get(lane)) for lane in lanes),
     )

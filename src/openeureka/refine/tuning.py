@@ -199,12 +199,12 @@ def _race(lanes: Lanes) -> PolicyId | None:
     config, store = lanes.config, lanes.store
     texts = store.rewards.texts()
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), tuning_seeds(config)
-    arms = {name: texts[name] for name in (ORIGINAL, *racing)}
+    programs = {name: texts[name] for name in (ORIGINAL, *racing)}
 
     def look(names: Sequence[str], more: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
-        lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *names)]), more, "final"))
+        lanes.train(deal(_programs(store, [programs[name] for name in (ORIGINAL, *names)]), more, "final"))
         by_now = range(seeds.start, more[-1] + 1)
-        looks, scores = race.play_finals(lanes, tuned.final_lanes(config, arms, store.lanes.results(), by_now))
+        looks, scores = race.play_finals(lanes, tuned.final_lanes(config, programs, store.lanes.results(), by_now))
         return scores, [name for name in racing if lawful(looks[name], config.cost_limits)]
 
     lanes.tell(Began("final"))

@@ -55,11 +55,11 @@ def of(run: RunView) -> DotPlot | None:
     ended = run.outcome
     if ended is None or not ended.word:
         return None
-    arms = {"generated": ended.method.scores, "human": ended.human.scores}
-    means = {name: mean(scores) or 0.0 for name, scores in arms.items()}
+    both = {"generated": ended.method.scores, "human": ended.human.scores}
+    means = {name: mean(scores) or 0.0 for name, scores in both.items()}
     found = ended.difference
     ends = (means["human"] + found.low, means["human"] + found.high) if found is not None else ()
-    low, high = _span([*arms["generated"], *arms["human"], *ends])
+    low, high = _span([*both["generated"], *both["human"], *ends])
     if not max(abs(low), abs(high)) < TOO_LARGE:
         return None
 
@@ -68,7 +68,7 @@ def of(run: RunView) -> DotPlot | None:
 
     own, other = (
         Row(name=name, scores=scores, mean=place(means[name]), seeds=_apart([place(score) for score in scores]))
-        for name, scores in arms.items()
+        for name, scores in both.items()
     )
     bar = (place(ends[0]), place(ends[1])) if ends else None
     ticks = tuple((place(value), number(value)) for value in _ticks(low, high))

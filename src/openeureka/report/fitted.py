@@ -8,17 +8,17 @@ from .tables import NOISY, Table
 from .view import RunView
 
 
-def arms(run: RunView, found: Tuned) -> Table:
+def finals(run: RunView, found: Tuned) -> Table:
     """A row for each weighting that trained with fresh seeds."""
     names = {ORIGINAL: "before", found.after: f"after ({found.after})"}
     rows = [
-        (names.get(name, name), spread(arm.training), spread(arm.held_out), str(len(arm.training)))
-        for name, arm in found.arms.items()
+        (names.get(name, name), spread(own.training), spread(own.held_out), str(len(own.training)))
+        for name, own in found.finals.items()
     ]
     note = "Mean ± standard deviation over fresh seeds."
     if run.noisy:
         note += f" Held out, {NOISY}."
-    if any(arm.scores for arm in found.arms.values()):
+    if any(own.scores for own in found.finals.values()):
         note += f" best/ holds the reward {'before' if found.better == ORIGINAL else 'after'}."
     return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
 

@@ -13,13 +13,13 @@ from ..method.hacking import PEAKS, UNTRAINED, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Outcome, human_normalised, plainly_normalised
+from ..score import Outcome, SeedScores, human_normalised, plainly_normalised
 from ..stats import mean
 from ..types import Evaluation, Remark, RemarkKind
 from .candidates import CandidateView
 from .view import RunView
 
-MOST_ARMS = 4
+MOST_REWARDS = 4
 """Given rewards in the head of a run; the table below holds all."""
 SCALE = (
     "0 is as good as the sparse reward, 1 as the human one; none where the sparse one is no worse, or where it is not "
@@ -62,7 +62,7 @@ def tiles(run: RunView) -> list[Tile]:
     if run.tunes:
         return [*(_tuned(run.tuned) if run.tuned is not None else ()), trainings]
     if not run.searched:
-        return [*_arms(run.given)[:MOST_ARMS], trainings]
+        return [*_tiles(run.given)[:MOST_REWARDS], trainings]
     slots, best = run.candidates, run.best
     human = run.baseline_score("human") if "human" in run.baselines else None
     played = human is not None and run.baselines["human"].lane in run.played
@@ -83,7 +83,7 @@ def tiles(run: RunView) -> list[Tile]:
 
 def _final(outcome: Outcome) -> list[Tile]:
     """What the verdict rests on. The best of the search's own scores flatters."""
-    found = _arms({"generated reward": outcome.method, "human reward": outcome.human})
+    found = _tiles({"generated reward": outcome.method, "human reward": outcome.human})
     if (score := on_scale(outcome)) is not None:
         found.append(Tile("score, held out", number(score, 3), "0: sparse, 1: human reward"))
     return found
@@ -92,14 +92,14 @@ def _final(outcome: Outcome) -> list[Tile]:
 def _tuned(found: Tuned) -> list[Tile]:
     """The final trainings with the numbers before and after."""
     named = {"before": ORIGINAL, "after": found.after}
-    return _arms({name: found.arms[arm] for name, arm in named.items() if arm in found.arms})
+    return _tiles({name: found.finals[key] for name, key in named.items() if key in found.finals})
 
 
-def _arms(arms: Mapping[str, Arm]) -> list[Tile]:
+def _tiles(rewards: Mapping[str, SeedScores]) -> list[Tile]:
     return [
-        Tile(name, spread(arm.scores), f"F held out, {len(arm.scores)} seed{'s' if len(arm.scores) > 1 else ''}")
-        for name, arm in arms.items()
-        if arm.scores
+        Tile(name, spread(own.scores), f"F held out, {len(own.scores)} seed{'s' if len(own.scores) > 1 else ''}")
+        for name, own in rewards.items()
+        if own.scores
     ]
 
 
@@ -128,10 +128,10 @@ def search(run: RunView) -> Table:
 
 def final(run: RunView, outcome: Outcome) -> Table:
     """The best reward of a run against the others with fresh seeds."""
-    arms = {"best generated": outcome.method}
-    arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
-    arms |= {"human": outcome.human, "sparse": outcome.sparse}
-    rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
+    rewards = {"best generated": outcome.method}
+    rewards |= {f"runner-up {place}": own for place, own in outcome.rivals.items()}
+    rewards |= {"human": outcome.human, "sparse": outcome.sparse}
+    rows = [(name, spread(own.held_out), spread(own.training), str(len(own.training))) for name, own in rewards.items()]
     how = NOISY if run.noisy else "deterministic actions"
     note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
     if run.known is not None:
@@ -143,7 +143,7 @@ def given(run: RunView) -> Table:
     """A row for each given reward."""
     scale, note = _scale(run)
     rows = []
-    for name, arm in run.given.items():
+    for name, reward in run.given.items():
         own = [lane for lane in run.lanes.values() if lane.reward == name and lane.role == "given"]
         lanes = [lane.id for lane in own if lane.id in run.results]
         results = [run.results[lane] for lane in lanes]
@@ -151,13 +151,13 @@ def given(run: RunView) -> Table:
         rows.append(
             (
                 name,
-                spread(arm.training),
-                spread(arm.held_out),
+                spread(reward.training),
+                spread(reward.held_out),
                 spread(lengths),
                 spread([result.correlation for result in results]),
                 f"{sum(result.env_steps for result in results):,}",
                 duration(max(result.seconds for result in results)),
-                number(human_normalised(mean(arm.scores), *scale)),
+                number(human_normalised(mean(reward.scores), *scale)),
             )
         )
     titles = ("reward", "F in training", "F held out", "episode length", "correlation", "steps", "time", "score")
@@ -199,9 +199,9 @@ def _reward(run: RunView, identity: str) -> str:
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
     """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
     text, origin = "Score: human-normalised, (F - sparse) / |human - sparse|, held out.", ""
-    arms, known = run.given, baselines.measured(run.config)
-    if "human" in arms and "sparse" in arms:
-        human, sparse = mean(arms["human"].scores), mean(arms["sparse"].scores)
+    rewards, known = run.given, baselines.measured(run.config)
+    if "human" in rewards and "sparse" in rewards:
+        human, sparse = mean(rewards["human"].scores), mean(rewards["sparse"].scores)
     elif known is None:
         return (None, None), f"{text} It needs both: add human and sparse to reward=."
     else:
@@ -228,8 +228,8 @@ def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None
     decided which of the two rewards is better, or where the 0 of the scale is no worse than its 1 (see `SCALE`)."""
     if outcome is None or outcome.difference is None or not outcome.difference.sure:
         return None
-    arms = outcome.method, outcome.human, outcome.sparse
-    return plainly_normalised(*(mean(arm.training if training else arm.held_out) for arm in arms))
+    rewards = outcome.method, outcome.human, outcome.sparse
+    return plainly_normalised(*(mean(own.training if training else own.held_out) for own in rewards))
 
 
 def exploits(run: RunView) -> Table:

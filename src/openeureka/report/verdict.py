@@ -11,7 +11,7 @@ from ..numbers import number, scored
 from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, breach, rank
+from ..score import SeedScores, breach, rank
 from ..stats import Difference, Estimate, difference, mean
 from ..tasks import registry
 from ..types import of_components
@@ -46,13 +46,13 @@ def of_tuning(found: Tuned | None) -> str:
         )
     if found is None or not found.judged or not found.after:
         return "Not decided yet: the final trainings are not done."
-    before, after = found.arms[ORIGINAL], found.arms[found.after]
+    before, after = found.finals[ORIGINAL], found.finals[found.after]
     if not before.scores or not after.scores:
         which = "before" if not before.scores else "after"
         return f"Not decided: with the numbers {which}, no final training left a policy that could be scored."
     if found.breach:
         return f"The numbers stay as they came: the policies of the tuned ones break a limit, {found.breach}."
-    between = f"F {_arm(after)} against {_arm(before)}, held out"
+    between = f"F {_mean_of(after)} against {_mean_of(before)}, held out"
     if found.breach_before:
         return f"The tuned numbers win: the policies of those before break a limit, {found.breach_before}; {between}."
     difference = found.difference
@@ -90,18 +90,18 @@ def of_polishing(found: Polished) -> str:
     return decided(gain, "The policy carried on is {}", between) + both
 
 
-def _of_given(arms: Mapping[str, Arm]) -> str:
+def _of_given(rewards: Mapping[str, SeedScores]) -> str:
     """The given reward of highest held-out F beside the next."""
-    ordered = _ordered(arms)
-    if not arms or not any(arms[name].held_out for name in ordered):
+    ordered = _ordered(rewards)
+    if not rewards or not any(rewards[name].held_out for name in ordered):
         return "No reward has been trained yet."
-    if not arms[ordered[0]].scores:
+    if not rewards[ordered[0]].scores:
         return "Not decided yet: nothing has been scored on held-out episodes."
-    if len(ordered) < 2 or not arms[ordered[1]].scores:
-        return f"{ordered[0]}: F {_arm(arms[ordered[0]])}, held out."
-    best, next_ = arms[ordered[0]], arms[ordered[1]]
-    between = f"F {_arm(best)} against {_arm(next_)}, held out"
-    found = _of_two(arms, ordered[0], ordered[1])
+    if len(ordered) < 2 or not rewards[ordered[1]].scores:
+        return f"{ordered[0]}: F {_mean_of(rewards[ordered[0]])}, held out."
+    best, next_ = rewards[ordered[0]], rewards[ordered[1]]
+    between = f"F {_mean_of(best)} against {_mean_of(next_)}, held out"
+    found = _of_two(rewards, ordered[0], ordered[1])
     if found is None:
         return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
     unless = f"Not decided between {ordered[0]} and {ordered[1]}"
@@ -109,13 +109,13 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
     return told if found.sure else f"{told} {_needed(found)}"
 
 
-def _ordered(arms: Mapping[str, Arm]) -> list[str]:
-    return sorted(arms, key=lambda name: -rank(mean(arms[name].scores)))
+def _ordered(rewards: Mapping[str, SeedScores]) -> list[str]:
+    return sorted(rewards, key=lambda name: -rank(mean(rewards[name].scores)))
 
 
-def _of_two(arms: Mapping[str, Arm], best: str, next_: str) -> Difference | None:
-    rivals = [arm.scores for name, arm in arms.items() if name not in (best, next_)]
-    return difference(arms[best].scores, arms[next_].scores, rivals, claims=len(arms) - 1)
+def _of_two(rewards: Mapping[str, SeedScores], best: str, next_: str) -> Difference | None:
+    rivals = [own.scores for name, own in rewards.items() if name not in (best, next_)]
+    return difference(rewards[best].scores, rewards[next_].scores, rivals, claims=len(rewards) - 1)
 
 
 def _of_search(run: RunView) -> str:
@@ -133,10 +133,10 @@ def _of_search(run: RunView) -> str:
     if not human.scores:
         lost = "of the human reward's, none left a policy that could be scored"
         without = lost if human.held_out else "there is no human reward to compare with"
-        return f"The generated reward reaches F {_arm(generated)}, held out; {without}."
+        return f"The generated reward reaches F {_mean_of(generated)}, held out; {without}."
     if outcome.same:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
-    between = f"F {_arm(generated)} against {_arm(human)}, held out"
+    between = f"F {_mean_of(generated)} against {_mean_of(human)}, held out"
     found = outcome.difference
     if found is None and run.known is not None and len(human.scores) < 2:
         return f"Not decided: {between}. The human one was measured with one seed; baselines=train trains it as often."
@@ -251,28 +251,28 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
         if found is None or not found.after or found.breach or found.breach_before:
             return None
         two, apart = (ORIGINAL, found.after), found.difference
-        arms = found.arms
+        rewards = found.finals
     else:
-        arms = run.given
-        if len(arms) < 2:
+        rewards = run.given
+        if len(rewards) < 2:
             return None
-        first, second = _ordered(arms)[:2]
-        two, apart = (first, second), _of_two(arms, first, second)
-    if not all(arms[name].scores for name in two):
+        first, second = _ordered(rewards)[:2]
+        two, apart = (first, second), _of_two(rewards, first, second)
+    if not all(rewards[name].scores for name in two):
         return None
     return apart, (file(two[0]), file(two[1]))
 
 
-def _arm(arm: Arm) -> str:
+def _mean_of(own: SeedScores) -> str:
     """Mean over seeds, and how many there are; what they leave open, the interval of the difference says."""
-    count, lost = len(arm.scores), len(arm.held_out) - len(arm.scores)
+    count, lost = len(own.scores), len(own.held_out) - len(own.scores)
     without = f", {lost} more without a score" if lost else ""
-    return f"{number(mean(arm.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''}{without})"
+    return f"{number(mean(own.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''}{without})"
 
 
-def _one_seed(*arms: Arm) -> str:
+def _one_seed(*rewards: SeedScores) -> str:
     """What to do where a reward has the score of one seed alone."""
-    lost = any(len(arm.held_out) > len(arm.scores) for arm in arms)
+    lost = any(len(own.held_out) > len(own.scores) for own in rewards)
     return "One seed says nothing of the next" + ("." if lost else "; seeds=3 would say more.")
 
 

@@ -16,7 +16,7 @@ from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Outcome
+from ..score import Outcome, SeedScores
 from ..store import Store, artifacts
 from ..types import (
     OWN_REWARDS,
@@ -133,11 +133,11 @@ class RunView:
         return polishing.read(self.lanes, self.results, self.played, self.tryouts, best, limits)
 
     @property
-    def given(self) -> dict[str, Arm]:
+    def given(self) -> dict[str, SeedScores]:
         """Scores of the given rewards by name, as far as they are trained; a value a seed."""
         lanes = [lane for lane in self.lanes.values() if lane.role == "given" and lane.id in self.results]
         return {
-            name: Arm(
+            name: SeedScores(
                 training=tuple(self.results[lane.id].fitness for lane in lanes if lane.reward == name),
                 held_out=tuple(
                     self.evaluations[lane.id].fitness if lane.id in self.evaluations else None
@@ -220,8 +220,8 @@ class RunView:
         best = self.history.entry(self.crown)
         if best is None or not self.tryouts:
             return ()
-        arms = final_lanes(self.config, [best], self.results, self.evaluations)
-        final = {lane: self.results[lane] for lane in arms[best.candidate_id]}
+        lanes = final_lanes(self.config, [best], self.results, self.evaluations)
+        final = {lane: self.results[lane] for lane in lanes[best.candidate_id]}
         return tuple(hacking.tried(final, self.evaluations, self.tryouts))
 
     @property
