@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,10 +24,8 @@ LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
 _MANY = 100_000
 """More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
-_COUNTS = (
-    *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune", "polish"),
-    *("polish_steps", "steps", "worlds", "threads", "max_cost"),
-)
+_MOST_STEPS = 2**53 - 1
+"""The largest whole number that every reader of JSON keeps."""
 FREE_TO_CHANGE = (
     *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
     *("feedback_timeout", "unsafe_no_sandbox"),
@@ -45,6 +43,22 @@ _LONGEST_NAME = 60
 """Letters of a task's name, which may hold sentences: with four bytes each, a folder called so exists on any disk."""
 FEWEST_TUNED = 4
 """Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
+_Bounds = tuple[float, float, str]
+_BOUNDS: Mapping[str, _Bounds] = {
+    **dict.fromkeys(("sample", "iteration", "repair", "refill", "tune", "polish"), (0, _MANY, "")),
+    "seeds": (1, _MANY, ""),
+    "screen": (1, _MANY, "1 trains every reward"),
+    "seed": (0, LARGEST_SEED, ""),
+    "steps": (0, _MOST_STEPS, "0 takes the default"),
+    "polish_steps": (0, _MOST_STEPS, "0 takes the default"),
+    "worlds": (0, MOST_WORLDS, "0 takes the task's own"),
+    "threads": (0, MOST_THREADS, "0 takes all cores"),
+    "temperature": (0, 100, ""),
+    "feedback_timeout": (0, 10**9, "0 waits for ever"),
+    "max_cost": (0, 10**9, "0 sets no limit"),
+}
+"""The least and the most that a setting may be, and a hint. What is beyond them would end a run after its first
+training, or never."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,15 +145,6 @@ class RunConfig:
     """Run generated code in an unconfined child process where the kernel cannot confine it."""
 
     def __post_init__(self) -> None:
-        for key in _COUNTS:
-            if getattr(self, key) < 0:
-                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        for key in ("sample", "iteration", "repair", "refill", "screen", "tune", "polish", "seeds"):
-            if getattr(self, key) > _MANY:
-                raise ConfigError(f"`{key}` must be at most {_MANY}.")
-        for key in ("temperature", "feedback_timeout", "max_cost"):
-            if not math.isfinite(getattr(self, key)):
-                raise ConfigError(f"`{key}` must be a number, not {getattr(self, key)}.")
         _check_bounds(self)
         if not self.model.strip():
             raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
@@ -148,10 +153,6 @@ class RunConfig:
                 "`base_url` must not hold a user, a password or a `?`, as settings are stored and shown; set the "
                 "environment variable OPENAI_API_KEY, or OPENAI_BASE_URL instead of base_url=."
             )
-        if self.seeds < 1:
-            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        if self.screen < 1:
-            raise ConfigError(f"`screen` must be one or more, not {self.screen}; 1 trains every reward.")
         if 0 < self.tune < FEWEST_TUNED:
             raise ConfigError(f"`tune` must be 0 or at least {FEWEST_TUNED}, not {self.tune}.")
         if self.polish_steps and not self.polish:
@@ -277,9 +278,7 @@ class TuneConfig(TrainConfig):
     """Run directory; empty means `outputs/<time>_tune_<env>`. One that holds such a run is continued."""
 
     def __post_init__(self) -> None:
-        for key in ("trials", "sample"):
-            if not FEWEST_TUNED <= getattr(self, key) <= _MANY:
-                raise ConfigError(f"`{key}` must be from {FEWEST_TUNED} to {_MANY}, not {getattr(self, key)}.")
+        _check_bounds(self, **dict.fromkeys(("trials", "sample"), (FEWEST_TUNED, _MANY, "")))
         TrainConfig.__post_init__(self)  # `super()` does not know a class with slots
 
     def run_config(self) -> RunConfig:
@@ -312,12 +311,7 @@ class RobustConfig:
     """As in `eureka run`; empty means the run's."""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.sample <= 1000:
-            raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
-        if not 0 <= self.steps < 2**53:
-            raise ConfigError(f"`steps` must be zero or more, and fewer than 2**53, not {self.steps}.")
-        if not math.isfinite(self.max_cost):
-            raise ConfigError(f"`max_cost` must be a number, not {self.max_cost}.")
+        _check_bounds(self, sample=(1, 1000, ""), threads=(0, MOST_THREADS, "0 takes those of the run"))
         if self.start not in STARTS:
             raise ConfigError(f"`start` must be {' or '.join(STARTS)}, not `{self.start}`.")
 
@@ -334,16 +328,12 @@ class RobustConfig:
         return dataclasses.replace(run, schedule="full", **given)
 
 
-def _check_bounds(config: RunConfig) -> None:
-    """Raises ConfigError for what would end a run after its first training, or never."""
-    if not 0 <= config.seed <= LARGEST_SEED:
-        raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {config.seed}.")
-    if config.threads > MOST_THREADS:
-        raise ConfigError(f"`threads` must be at most {MOST_THREADS}, not {config.threads}; 0 takes all cores.")
-    if config.worlds > MOST_WORLDS:
-        raise ConfigError(f"`worlds` must be at most {MOST_WORLDS:,}, not {config.worlds:,}; 0 takes the task's own.")
-    if config.steps >= 2**53:
-        raise ConfigError(f"`steps` must be fewer than 2**53, not {config.steps}.")
+def _check_bounds(config: object, **own: _Bounds) -> None:
+    """Raises ConfigError for a number that is beyond the bounds of its setting, or its `own` ones."""
+    for key, (least, most, hint) in {**_BOUNDS, **own}.items():
+        value = getattr(config, key, least)
+        if not least <= value <= most:  # so that NaN is refused, too
+            raise ConfigError(f"`{key}` must be from {least:,} to {most:,}, not {value!s:.80}{hint and '; '}{hint}.")
 
 
 def short_name(env: str) -> str:

@@ -138,7 +138,7 @@ def test_what_it_began_with_is_not_guessed_where_its_file_is_damaged(searched):
 
 @pytest.mark.parametrize("steps", [-5, 10**30])
 def test_steps_that_nobody_can_mean_are_refused(searched, steps):
-    with pytest.raises(ConfigError, match="`steps` must be zero or more"):
+    with pytest.raises(ConfigError, match="`steps` must be from 0"):
         openeureka.robust(searched, model="random", steps=steps)
 
 

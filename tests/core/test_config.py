@@ -53,22 +53,25 @@ def test_a_config_survives_being_stored_and_read_back():
         ("ENV=ant", "Unknown setting `ENV`. Did you mean `env`?"),
         ("steps=1e-6", "`steps` takes a whole number"),
         ("max_cost=much", "`max_cost` takes a number"),
-        ("sample=-1", "`sample` must be zero or more"),
+        ("sample=-1", "`sample` must be from 0 to 100,000, not -1."),
         ("ant", "not of the form key=value"),
         ("bonus=250", "`bonus` must be one of none, original, progress"),
-        ("seeds=0", "`seeds` must be one or more"),
-        ("sample=1000000", "`sample` must be at most 100000"),
+        ("seeds=0", "`seeds` must be from 1 to 100,000, not 0."),
+        ("sample=1000000", "`sample` must be from 0 to 100,000"),
+        ("screen=0", "`screen` must be from 1 to 100,000, not 0; 1 trains every reward."),
         ("sample=1.5", "`sample` takes a whole number"),
         ("sample=", "`sample` takes a whole number"),
         (f"sample={'9' * 5000}", "`sample` takes a whole number"),
         ("max_cost=much", "`max_cost` takes a number"),
-        ("seed=-1", "`seed` must be from 0 to 4503599627370496"),
-        ("seed=99999999999999999999", "`seed` must be from 0 to 4503599627370496"),
-        ("max_cost=nan", "`max_cost` must be a number"),
-        ("temperature=inf", "`temperature` must be a number"),
-        ("threads=100000", "`threads` must be at most 1024"),
-        ("worlds=2e6", "`worlds` must be at most 1,048,576"),
-        ("steps=1e16", "`steps` must be fewer than 2**53"),
+        ("seed=-1", "`seed` must be from 0 to 4,503,599,627,370,496"),
+        ("seed=99999999999999999999", "`seed` must be from 0 to 4,503,599,627,370,496"),
+        ("max_cost=nan", "`max_cost` must be from 0 to 1,000,000,000, not nan; 0 sets no limit."),
+        ("temperature=inf", "`temperature` must be from 0 to 100, not inf."),
+        ("temperature=-1", "`temperature` must be from 0 to 100, not -1.0."),
+        ("polish_steps=1e18", "`polish_steps` must be from 0 to 9,007,199,254,740,991"),
+        ("threads=100000", "`threads` must be from 0 to 1,024, not 100000; 0 takes all cores."),
+        ("worlds=2e6", "`worlds` must be from 0 to 1,048,576"),
+        ("steps=1e16", "`steps` must be from 0 to 9,007,199,254,740,991"),
         ("unsafe_no_sandbox=perhaps", "`unsafe_no_sandbox` takes true or false"),
     ],
 )
@@ -104,9 +107,18 @@ def test_trainings_of_given_rewards_refuse_what_a_search_refuses(word: str):
         parse(TrainConfig, [word])
 
 
-def test_a_limit_of_cost_that_is_no_number_is_none():
-    with pytest.raises(ConfigError, match="`max_cost` must be a number"):
-        parse(RobustConfig, ["max_cost=nan"])
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("max_cost=nan", "`max_cost` must be from 0 to"),
+        ("sample=0", "`sample` must be from 1 to 1,000, not 0."),
+        ("repair=-1", "`repair` must be from 0 to"),
+        ("threads=-1", "not -1; 0 takes those of the run."),
+    ],
+)
+def test_a_hardening_says_its_own_bounds(word: str, says: str):
+    with pytest.raises(ConfigError, match=says):
+        parse(RobustConfig, [word])
 
 
 @pytest.mark.parametrize(("text", "steps"), [("1e6", 1_000_000), ("2.5e5", 250_000), ("1E3", 1000), ("7", 7)])
