@@ -70,7 +70,7 @@ def test_a_wrapper_pays_what_the_graph_paid(env: str):
     program = "\n".join(line[8:] for line in PROGRAMS[env].splitlines())
     simulation = registry.make(env, worlds=1)
     graph = graph_of(type(simulation.task), program, record_states(env, worlds=4, steps=3, keep=2))
-    reward = graphs.compile(graph, simulation.task.spec)
+    reward = graphs.CompiledReward(graph, simulation.task.spec)
     text = type(simulation.task).handed_back(graph, program)
     assert "openeureka" not in {line.split()[1] for line in text.splitlines() if line.startswith(("import", "from"))}
     theirs = loaded(text).EurekaReward(gymnasium.make(env.partition(":")[2]))

@@ -55,7 +55,7 @@ def test_an_exported_reward_pays_inside_mjlab_what_the_graph_paid(tmp_path: Path
     ours = registry.make(ENV, worlds=3)
     ours.reset()
     graph = graph_of(type(ours.task), PROGRAM, ours.step(torch.zeros(3, 1)).state)
-    reward = graphs.compile(graph, ours.task.spec)
+    reward = graphs.CompiledReward(graph, ours.task.spec)
     (tmp_path / "terms.py").write_text(ours.task.handed_back(graph, PROGRAM))
     ours.reset()
     seed = int(ours.sim.seeds[0] % 2**31)

@@ -88,7 +88,7 @@ def test_terms_pay_inside_the_suite_what_the_graph_paid(simulation: BatchedEnv, 
     program = PROGRAM.format(more=FAKES[env])
     simulation.reset()
     graph = graph_of(task, program, simulation.step(torch.zeros(3, 1)).state)
-    reward = graphs.compile(graph, task.spec)
+    reward = graphs.CompiledReward(graph, task.spec)
     term: Any = loaded(task.handed_back(graph, program))
 
     modules: dict[str, ModuleType] = {}

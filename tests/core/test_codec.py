@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from openeureka.codec import DecodeError, decode, encode, shaped
-from openeureka.reward import graph
 from openeureka.store.rows import decode_result, decode_verdict, encode_result
 from openeureka.types import (
     Checkpoint,
@@ -79,7 +78,7 @@ def test_a_noun_comes_back_from_strict_ascii(noun: Any) -> None:
 
 
 def test_the_graph_of_a_verdict_is_a_graph_by_itself() -> None:
-    assert graph.from_json(json.dumps(json.loads(encode(VERDICT))["graph"])) == GRAPH
+    assert decode(RewardGraph, json.dumps(json.loads(encode(VERDICT))["graph"])) == GRAPH
 
 
 OLD = """{"candidate": "a1", "code": "accepted", "findings": [{"rule": "r", "message": "m", "fix": "", "line": null}],

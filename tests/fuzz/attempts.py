@@ -7,12 +7,13 @@ from random import Random
 
 import torch
 
-from openeureka.codec import encode
+from openeureka.codec import DecodeError, decode, encode
 from openeureka.reward import examine, extract, gate, load, probe
 from openeureka.reward import graph as graphs
 from openeureka.reward.trace import Refused
-from openeureka.reward.validate import GraphError
+from openeureka.reward.validate import GraphError, validate
 from openeureka.testing.hostile import STATE
+from openeureka.types import RewardGraph
 
 from . import mutate, odd
 
@@ -53,16 +54,23 @@ def good_graphs() -> tuple[str, ...]:
     return tuple(found)
 
 
+def _read(text: str) -> RewardGraph:
+    """Raises DecodeError or GraphError."""
+    found = decode(RewardGraph, text)
+    validate(found)
+    return found
+
+
 def graph(random: Random) -> str:
     """`refused` as text, `finding` on states, or `accepted`: then it runs, on any number of worlds."""
     text = mutate.graph(random.choice(good_graphs()), random)
     try:
-        parsed = graphs.from_json(text)
-    except GraphError:
+        parsed = _read(text)
+    except (DecodeError, GraphError):
         return "refused"
     if examine.examine(probe.Traced(parsed, ()), STATE, _states(), _TRAINED):
         return "finding"
-    reward, components = graphs.compile(parsed, STATE)(_states(), _WORLDS)
+    reward, components = graphs.CompiledReward(parsed, STATE)(_states(), _WORLDS)
     assert all(value.shape == (_WORLDS,) and value.isfinite().all() for value in (reward, *components.values())), text
     return "accepted"
 
@@ -98,8 +106,8 @@ def call(random: Random) -> str:
     """`refused` as a graph, `raised` the error that a verdict is made of, or `ran`."""
     made = odd.call(random)
     try:
-        list(graphs.values(graphs.from_json(encode(made)), _states(), _WORLDS))
-    except GraphError:
+        list(graphs.values(_read(encode(made)), _states(), _WORLDS))
+    except (DecodeError, GraphError):
         return "refused"
     except (RuntimeError, IndexError, ValueError, TypeError, NotImplementedError, ZeroDivisionError, OverflowError):
         return "raised"

@@ -46,7 +46,7 @@ def graphs() -> dict[str, RewardGraph]:
 
 def test_order_spelling_and_names_make_no_other_reward(graphs: dict[str, RewardGraph]) -> None:
     assert len({form(graphs[name]) for name in SAME}) == 1
-    paid = [graph.compile(graphs[name], CARTPOLE)(recorded(CARTPOLE))[0] for name in SAME]
+    paid = [graph.CompiledReward(graphs[name], CARTPOLE)(recorded(CARTPOLE))[0] for name in SAME]
     for own, other in itertools.pairwise(paid):
         torch.testing.assert_close(own, other)
 

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 import torch
 
-from openeureka.codec import encode
+from openeureka.codec import DecodeError, decode, encode
 from openeureka.reward import examine, gate, graph, load, probe
+from openeureka.reward.validate import validate
 from openeureka.types import Finding, Node, RewardGraph, StateSpec, StateVar
 from reward.honest import CARTPOLE, recorded
 
@@ -28,7 +29,8 @@ def cart_reward() -> RewardGraph:
 
 def test_text_and_back_is_the_same_graph() -> None:
     made = cart_reward()
-    assert graph.from_json(encode(made)) == made
+    validate(made)
+    assert decode(RewardGraph, encode(made)) == made
 
 
 def test_infinite_numbers_survive_as_strict_json() -> None:
@@ -43,11 +45,12 @@ def test_infinite_numbers_survive_as_strict_json() -> None:
     )
     text = encode(made)
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
-    assert graph.from_json(text) == made
+    validate(made)
+    assert decode(RewardGraph, text) == made
 
 
 def test_a_compiled_graph_takes_any_number_of_worlds_and_leaves_its_inputs_alone() -> None:
-    compiled = graph.compile(cart_reward(), CARTPOLE)
+    compiled = graph.CompiledReward(cart_reward(), CARTPOLE)
     for worlds in (1, 5, 300):
         states = {"dof_pos": torch.tensor([[-1.5, 9.0]]).repeat(worlds, 1)}
         reward, components = compiled(states)
@@ -61,7 +64,7 @@ def test_a_compiled_graph_takes_any_number_of_worlds_and_leaves_its_inputs_alone
 def test_a_component_that_is_an_input_is_a_copy() -> None:
     made = RewardGraph(nodes=(*cart_reward().nodes[:2],), reward=1, components=(("x", 1),))
     states = {"dof_pos": torch.ones(4, 2)}
-    reward, components = graph.compile(made, CARTPOLE)(states)
+    reward, components = graph.CompiledReward(made, CARTPOLE)(states)
     reward += 5
     components["x"] += 7
     assert torch.equal(states["dof_pos"], torch.ones(4, 2))
@@ -75,7 +78,7 @@ def test_simplify_keeps_what_outputs_need() -> None:
 
 def test_the_interpreter_and_the_compiled_graph_agree() -> None:
     states = recorded(CARTPOLE)
-    reward, _ = graph.compile(cart_reward(), CARTPOLE)(states)
+    reward, _ = graph.CompiledReward(cart_reward(), CARTPOLE)(states)
     done = list(graph.values(cart_reward(), states, 256))
     assert torch.equal(reward, done[3])
 
@@ -126,13 +129,13 @@ FORGED = {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_graph_is_refused(name: str) -> None:
-    with pytest.raises(graph.GraphError):
-        graph.from_json(FORGED[name])
+    with pytest.raises((DecodeError, graph.GraphError)):
+        graph.CompiledReward(decode(RewardGraph, FORGED[name]), CARTPOLE)
 
 
 def test_an_input_off_the_table_is_refused() -> None:
     with pytest.raises(graph.GraphError, match="not a state variable"):
-        graph.compile(RewardGraph(nodes=(Node("input", ("fitness",)),), reward=0, components=()), CARTPOLE)
+        graph.CompiledReward(RewardGraph(nodes=(Node("input", ("fitness",)),), reward=0, components=()), CARTPOLE)
 
 
 BOMBS = {
@@ -267,7 +270,7 @@ def test_a_compiled_graph_divides_no_integers_and_truncates() -> None:
     for operands, rule in ((({"ref": 2}, {"ref": 2}), "integer"), (({"ref": 1}, {"ref": 2}), None)):
         divide = Node("div.Tensor_mode", operands, {"rounding_mode": "trunc"})
         nodes = (Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0)), whole, divide)
-        compiled = graph.compile(RewardGraph(nodes=nodes, reward=3, components=()), CARTPOLE)
+        compiled = graph.CompiledReward(RewardGraph(nodes=nodes, reward=3, components=()), CARTPOLE)
         states = {"dof_pos": torch.full((4, 2), 2.0)}
         if rule is None:
             assert compiled(states)[0].tolist() == [1.0] * 4
@@ -305,7 +308,7 @@ def test_a_reshape_is_one_of_slices_too(value: str) -> None:
     traced = probe.probe(load.load(program), spec, {"q": torch.randn(64, 2, 3), "num_envs": 64}).graph
     part = torch.randn(5, 2, 9)[..., 3:6]
     expected = eval(value, {"q": part.contiguous(), "num_envs": 5, "torch": torch})
-    torch.testing.assert_close(graph.compile(traced, spec)({"q": part})[0], expected)
+    torch.testing.assert_close(graph.CompiledReward(traced, spec)({"q": part})[0], expected)
     (*_, last) = graph.values(traced, {"q": part}, 5)
     torch.testing.assert_close(last, expected)
     names: dict[str, Any] = {"torch": torch}

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 import torch
 
-from openeureka.codec import encode
+from openeureka.codec import decode, encode
 from openeureka.reward import examine, gate, graph, load, probe, surface
 from openeureka.reward import math as helpers
 from openeureka.reward.trace import Refused
-from openeureka.types import Finding, StateSpec, StateVar
+from openeureka.types import Finding, RewardGraph, StateSpec, StateVar
 from reward.honest import ANT, CARTPOLE, PROGRAMS, recorded, sliced
 
 
@@ -54,7 +54,7 @@ def plain_python(
 def test_the_graph_computes_what_the_program_computes(name: str) -> None:
     spec, source = PROGRAMS[name]
     traced = accepted(spec, source)
-    compiled = graph.compile(graph.from_json(encode(traced.graph)), spec)
+    compiled = graph.CompiledReward(decode(RewardGraph, encode(traced.graph)), spec)
     for worlds in (1, 33):
         states = recorded(spec, worlds, seed=worlds)
         before = {key: value.clone() for key, value in states.items() if isinstance(value, torch.Tensor)}
@@ -96,7 +96,7 @@ def test_equal_expressions_are_computed_once() -> None:
 @pytest.mark.parametrize("name", ["fingertips in a loop", "keepdim, squeeze and broadcasting against constants"])
 def test_a_graph_runs_on_the_device_of_its_inputs(name: str) -> None:
     spec, source = PROGRAMS[name]
-    compiled = graph.compile(accepted(spec, source).graph, spec)
+    compiled = graph.CompiledReward(accepted(spec, source).graph, spec)
     states = recorded(spec, 8)
     elsewhere = {key: value.to("meta") if isinstance(value, torch.Tensor) else value for key, value in states.items()}
     reward, components = compiled(elsewhere)  # a tensor left on the CPU would be an error
@@ -130,7 +130,7 @@ def test_python_floats_stand_where_torch_wants_tensors() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
     product = "torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0) * torch.clip(1.5, 0, 1)"
     source = f"def f(obs_buf):\n    return {product}, {{}}\n"
-    reward, _ = graph.compile(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
+    reward, _ = graph.CompiledReward(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
     torch.testing.assert_close(reward, torch.tensor([2.0 * math.exp(-1.0), 0.0]))
 
 
@@ -147,7 +147,7 @@ def test_an_attribute_of_self_overwrites_nothing_of_that_name(name: str, own: st
     spec = StateSpec((StateVar(name="angle", meaning="", shape=()), StateVar(name=name, meaning="", shape=())))
     source = f"{own}\ndef of(x):\n    return {doubled}\ndef f(self):\n    return of(self.angle) + self.{name}, {{}}\n"
     states = {"angle": torch.tensor([0.5, -0.5]), name: torch.tensor([3.0, 4.0])}
-    reward, _ = graph.compile(accepted(spec, source).graph, spec)(states)
+    reward, _ = graph.CompiledReward(accepted(spec, source).graph, spec)(states)
     torch.testing.assert_close(reward, torch.tensor([4.0, 3.0]))  # 2 * 0.5 + 3, 2 * -0.5 + 4
 
 
@@ -172,7 +172,7 @@ FIRST_ARGUMENTS = {
 @pytest.mark.parametrize("expression", FIRST_ARGUMENTS)
 def test_functions_of_tensors_take_a_python_float(expression: str) -> None:
     source = f"def f(actions, dt):\n    return actions[:, 0] * ({expression}), {{}}\n"
-    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)({"actions": torch.ones(1, 8), "dt": 0.0166})
+    reward, _ = graph.CompiledReward(accepted(ANT, source).graph, ANT)({"actions": torch.ones(1, 8), "dt": 0.0166})
     torch.testing.assert_close(reward, torch.tensor([FIRST_ARGUMENTS[expression]]))
 
 
@@ -191,7 +191,7 @@ def test_every_method_that_edits_a_fresh_tensor_does_so(method: str) -> None:
     edit = f"x = actions[:, 0].abs() + 0.25\n    x.{method}({said})"
     source = f"def f(actions):\n    {edit}\n    return x + actions[:, 1], {{}}\n"
     actions = torch.linspace(-1.5, 1.5, 24).view(3, 8)
-    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)({"actions": actions})
+    reward, _ = graph.CompiledReward(accepted(ANT, source).graph, ANT)({"actions": actions})
     x = actions[:, 0].abs() + 0.25
     getattr(x, method)(*arguments)
     torch.testing.assert_close(reward, x + actions[:, 1])
@@ -212,7 +212,7 @@ def test_helpers_are_found_where_the_original_keeps_them(line: str) -> None:
     call = f"{HELPER_IMPORTS[line]}(root_states[:, 3:7], root_states[:, 7:10])"
     source = f"{line}\ndef f(root_states):\n    return {call}[:, 0], {{}}\n"
     states = recorded(ANT, 16)
-    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)(states)
+    reward, _ = graph.CompiledReward(accepted(ANT, source).graph, ANT)(states)
     root = states["root_states"]
     assert isinstance(root, torch.Tensor)
     torch.testing.assert_close(reward, helpers.quat_rotate(root[:, 3:7], root[:, 7:10])[:, 0])
@@ -224,7 +224,7 @@ def test_components_of_another_shape_are_recorded_as_means() -> None:
     )
     source = f"def f(actions):\n    return actions[:, 0], {components}\n"
     actions = torch.arange(16.0).view(2, 8) / 8
-    _, found = graph.compile(accepted(ANT, source).graph, ANT)({"actions": actions})
+    _, found = graph.CompiledReward(accepted(ANT, source).graph, ANT)({"actions": actions})
     # means of 0, 1/8, ... 7/8 and of 8/8 ... 15/8; five, then eight of eight are above 1/4
     torch.testing.assert_close(found["joints"], torch.tensor([3.5 / 8, 11.5 / 8]))
     torch.testing.assert_close(found["grid"], found["joints"])
@@ -235,7 +235,7 @@ def test_components_of_another_shape_are_recorded_as_means() -> None:
 def test_a_method_may_name_its_state_as_well() -> None:
     source = "def compute_reward(self, actions):\n    return self.dof_pos[:, 0] + actions[:, 0], {}\n"
     states = {"actions": torch.ones(3, 8), "dof_pos": torch.full((3, 8), 2.0)}
-    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)(states)
+    reward, _ = graph.CompiledReward(accepted(ANT, source).graph, ANT)(states)
     assert reward.tolist() == [3.0, 3.0, 3.0]
 
 
@@ -327,7 +327,7 @@ def test_what_people_write_computes_what_they_mean(name: str) -> None:
     source, meant = SAME[name]
     states = recorded(ANT, 16)
     plain = f"def f(dof_pos, dof_limits_upper):\n    return {meant}, {{}}\n"
-    own, expected = (graph.compile(accepted(ANT, text).graph, ANT)(states)[0] for text in (source, plain))
+    own, expected = (graph.CompiledReward(accepted(ANT, text).graph, ANT)(states)[0] for text in (source, plain))
     torch.testing.assert_close(own, expected)
 
 
@@ -377,7 +377,7 @@ def test_closeness_is_that_of_torch_at_infinity_too() -> None:
     for options in ("", ", equal_nan=True"):
         call = f"torch.isclose(dof_pos[:, 0], dof_pos[:, 1]{options})"
         source = f"def compute_reward(dof_pos):\n    return {call}.float(), {{}}\n"
-        compiled = graph.compile(accepted(CARTPOLE, source).graph, CARTPOLE)
+        compiled = graph.CompiledReward(accepted(CARTPOLE, source).graph, CARTPOLE)
         inf, nan = math.inf, math.nan
         pairs = torch.tensor([[1.0, inf], [inf, inf], [1.0, 1.0], [inf, 2.0], [-inf, inf], [nan, nan], [nan, 1.0]])
         expected = torch.isclose(pairs[:, 0], pairs[:, 1], equal_nan=bool(options)).float()
@@ -392,5 +392,7 @@ def test_a_list_of_tensors_becomes_one(made: str) -> None:
     assert isinstance(program, gate.Program)
     states = {**recorded(CARTPOLE), "ends": torch.tensor([2.0, 3.0])}
     traced = probe.probe(load.load(program), spec, states)
-    reward, _ = graph.compile(traced.graph, spec)({"dof_pos": torch.tensor([[1.0, 10.0]]), "ends": states["ends"]})
+    reward, _ = graph.CompiledReward(traced.graph, spec)(
+        {"dof_pos": torch.tensor([[1.0, 10.0]]), "ends": states["ends"]}
+    )
     assert float(reward) == 23.0

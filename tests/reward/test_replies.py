@@ -59,7 +59,7 @@ def test_rows_of_actors_are_taken_as_in_the_original(held: str) -> None:
     assert isinstance(program, gate.Program), [finding.sentence() for finding in program]
     traced = probe.probe(load.load(program), spec, states("allegro_hand"))
     moments = take(states("allegro_hand"), spec, range(8))
-    reward, _ = graph.compile(traced.graph, spec)(moments)
+    reward, _ = graph.CompiledReward(traced.graph, spec)(moments)
     torch.testing.assert_close(reward, moments["object_pose"].sum(-1))
 
 

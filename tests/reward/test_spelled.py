@@ -19,7 +19,7 @@ def test_human_rewards_are_the_same_to_the_bit(env: str):
     program = gate.check(human.program(task), task.spec)
     assert isinstance(program, gate.Program)
     graph = probe.probe(load(program), task.spec, state).graph
-    expected, parts = graphs.compile(graph, task.spec)(state)
+    expected, parts = graphs.CompiledReward(graph, task.spec)(state)
     names: dict = {"torch": torch}
     exec(graphs.spelled(graph, task.spec), names)
     found, components = names["reward"](state)

@@ -162,7 +162,7 @@ def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sand
     accepted = sandbox.check(Candidate.of(hostile.source)).graph
     assert accepted is not None
     states = recorded()
-    reward, components = graph.compile(accepted, STATE)(states)
+    reward, components = graph.CompiledReward(accepted, STATE)(states)
     for value in (reward, *components.values()):
         assert value.shape == (256,) and value.dtype == torch.float32 and value.stride() == (1,)
         assert torch.isfinite(value).all() and not value.requires_grad

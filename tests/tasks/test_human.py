@@ -30,7 +30,7 @@ def test_a_human_reward_passes_what_a_generated_one_must_pass_and_is_what_trains
     traced = probe.probe(load(checked), task.spec, recorded)
     assert examine(traced, task.spec, recorded, worlds=8) == ()
     assert len(traced.graph.components) > 1
-    reward, _ = graph.compile(traced.graph, task.spec)(recorded)
+    reward, _ = graph.CompiledReward(traced.graph, task.spec)(recorded)
     assert torch.equal(human.compiled(task, recorded)(recorded)[0], reward)
 
 

@@ -1,4 +1,4 @@
-"""Reward graphs: read from JSON, simplified, interpreted, compiled, and spelled as Python for others."""
+"""Reward graphs: simplified, interpreted, compiled, and spelled as Python for others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, cast
 import torch
 from torch import Tensor, fx
 
-from ..codec import DecodeError, decode
 from ..types import Arg, Node, Part, RewardGraph, StateSpec
 from . import surface
 from .validate import TORCH_NAMES, GraphError, inputs, needed, operation, references, refuse_truncation, validate
@@ -23,20 +22,6 @@ State = Mapping[str, Tensor | float | int]
 
 
 # --- data ------------------------------------------------------------------------------------------------------------
-
-
-def from_json(text: str | bytes) -> RewardGraph:
-    """The graph that `codec.encode` wrote, also as part of a verdict, validated.
-
-    Raises:
-        GraphError: for anything but a well-formed graph of allow-listed operations.
-    """
-    try:
-        graph = decode(RewardGraph, text)
-    except DecodeError as error:
-        raise GraphError(f"not a reward graph: {error}") from None
-    validate(graph)
-    return graph
 
 
 def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
@@ -175,9 +160,14 @@ def _largest_selection(indices: Sequence[Tensor | None]) -> list[Tensor | None]:
 
 
 class CompiledReward:
-    """A graph as a function of the state, on the device of its inputs and for any number of worlds."""
+    """A graph as a fast function of the state, on the device of its inputs and for any number of worlds.
+
+    Raises:
+        GraphError: as `validate`, or for an input that the table does not hold.
+    """
 
     def __init__(self, graph: RewardGraph, spec: StateSpec) -> None:
+        validate(graph)
         self.graph = graph
         self.inputs = inputs(graph)
         unknown = [name for name in self.inputs if name not in spec]
@@ -211,16 +201,6 @@ class CompiledReward:
 
 def _own(value: Tensor, num_worlds: int) -> Tensor:
     return value.to(torch.float32).expand(num_worlds).clone()
-
-
-def compile(graph: RewardGraph, spec: StateSpec) -> CompiledReward:
-    """The graph as a fast function; validates it first.
-
-    Raises:
-        GraphError: as `validate`, or for an input that the table does not hold.
-    """
-    validate(graph)
-    return CompiledReward(graph, spec)
 
 
 def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:

@@ -86,7 +86,7 @@ def compiled(task: type[Task], state: Mapping[str, Any]) -> graph.CompiledReward
         raise _refused(task, refusal.finding) from None
     # Its components would be computed in every step, and nobody looks at them.
     alone, _ = graph.simplify(RewardGraph(nodes=traced.nodes, reward=traced.reward, components=()))
-    return graph.compile(alone, task.spec)
+    return graph.CompiledReward(alone, task.spec)
 
 
 def _refused(task: type[Task], finding: Finding) -> TaskError:

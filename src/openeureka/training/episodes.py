@@ -97,7 +97,7 @@ def rewards(
     parts = list(_parts(spec, [load(one.states) for one in episodes]))
     for name, graph in programs.items():
         try:
-            program = graphs.compile(graph, spec)
+            program = graphs.CompiledReward(graph, spec)
             paid = torch.cat([program(state, count)[0] for count, state in parts])
         except (IndexError, RuntimeError):  # as an index that no state of its check had
             continue

@@ -47,7 +47,7 @@ class LaneRewards:
     def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: Bonus = "none") -> None:
         self.task, self.programs, self.worlds, self._bonus = task, list(programs), worlds, bonus
         self._compiled = {
-            lane: graph.compile(program, task.spec)
+            lane: graph.CompiledReward(program, task.spec)
             for lane, program in enumerate(programs)
             if not isinstance(program, str)
         }
