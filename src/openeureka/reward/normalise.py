@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 
 from ..types import Finding
 from . import surface
-from .syntax import Folder, dotted
+from .syntax import Folder, dotted, stored
 
 ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
 DROPPED_DECORATORS = frozenset({
@@ -89,12 +89,6 @@ def _own_functions(tree: ast.Module) -> Iterator[str]:
                 yield name
             case _:
                 pass
-
-
-def _assigned(node: ast.stmt) -> set[str]:
-    """Names that a statement gives a value."""
-    names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
-    return {name.id for name in names if isinstance(name.ctx, ast.Store)}
 
 
 def _named(target: ast.expr, value: ast.expr) -> dict[str, ast.expr] | None:
@@ -176,13 +170,13 @@ class Normaliser(ast.NodeTransformer):
             return None
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return None
-        if isinstance(node, ast.AnnAssign | ast.Assign) and not (after and _assigned(node) & self._inputs):
+        if isinstance(node, ast.AnnAssign | ast.Assign) and not (after and stored(node) & self._inputs):
             plain = self.visit(node)
             if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
                 return plain
         if after and isinstance(node, _EXAMPLES):
             return None  # below the last function, where nothing runs it
-        self._refused |= _assigned(node)
+        self._refused |= stored(node)
         chooses = any((self._path(part) or "").startswith(DEVICES) for part in ast.walk(node))
         message = "only imports, functions and literal constants may stand outside a function"
         fix = LEAVE_OUT if chooses else "move it into the reward function or remove it"

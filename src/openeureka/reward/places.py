@@ -6,6 +6,7 @@ import ast
 from collections.abc import Iterable, Iterator, Sequence
 
 from . import surface
+from .syntax import stored
 
 _MADE = surface.words("arange empty expand eye int linspace new_full new_ones new_zeros one_hot ones range view zeros")
 _OF_TENSOR = surface.words("""
@@ -124,8 +125,7 @@ def _assigned(target: ast.expr, value: ast.expr) -> Iterator[Flow]:
         for part, own in zip(target.elts, value.elts, strict=True):
             yield from _assigned(part, own)
     else:
-        stored = (node for node in ast.walk(target) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
-        yield from ((node.id, value) for node in stored)
+        yield from ((name, value) for name in stored(target))
 
 
 def _base(called: ast.expr) -> str:

@@ -63,11 +63,16 @@ def bound(node: Scope) -> set[str]:
     return names
 
 
+def stored(node: ast.AST) -> set[str]:
+    """Names that it gives a value anywhere in it."""
+    names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
+    return {name.id for name in names if isinstance(name.ctx, ast.Store)}
+
+
 def rebound(function: ast.FunctionDef) -> set[str]:
     """Names given a new value by a plain assignment; the probe judges edits of these."""
-    targets = [target for node in ast.walk(function) if isinstance(node, ast.Assign) for target in node.targets]
-    names = [name for target in targets for name in ast.walk(target)]
-    return {name.id for name in names if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+    assigned = (node for node in ast.walk(function) if isinstance(node, ast.Assign))
+    return {name for node in assigned for target in node.targets for name in stored(target)}
 
 
 def defaults(function: ast.FunctionDef | ast.Lambda) -> Iterator[tuple[ast.arg, ast.expr]]:

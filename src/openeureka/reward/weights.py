@@ -16,7 +16,7 @@ from typing import Literal, cast
 
 from . import gate, places, surface
 from .normalise import entry_name
-from .syntax import defaults
+from .syntax import defaults, stored
 
 Use = Literal["factor", "added", "threshold", "data"]
 """How an expression takes part: multiplied or divided by, added or handed on, compared with, or none of these."""
@@ -113,7 +113,7 @@ class _Finder:
     def found(self) -> Iterator[Weight]:
         read = {name for function in self._functions for name in _names(function)}
         for statement in self._tree.body:
-            if isinstance(statement, ast.Assign | ast.AnnAssign) and not read.isdisjoint(_stored(statement)):
+            if isinstance(statement, ast.Assign | ast.AnnAssign) and not read.isdisjoint(stored(statement)):
                 yield from self._statement(statement, "")
         for function in self._functions:
             for argument, default in defaults(function):
@@ -280,11 +280,6 @@ def _counts(value: object, use: Use) -> bool:
 def _plain(node: ast.expr) -> ast.expr:
     """Without its sign."""
     return node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd) else node
-
-
-def _stored(node: ast.stmt) -> Iterator[str]:
-    names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
-    yield from (name.id for name in names if isinstance(name.ctx, ast.Store))
 
 
 def _target(node: ast.Assign | ast.AnnAssign) -> str:
