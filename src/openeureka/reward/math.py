@@ -84,18 +84,9 @@ def unscale(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     return (2.0 * x - upper - lower) / (upper - lower)
 
 
-def unscale_np(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    return unscale(x, lower, upper)
-
-
-def scale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    """[lower, upper] to [-1, 1]; the name is the field's, the direction is that of `unscale`."""
-    return unscale(x, lower, upper)
-
-
-def unscale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    """[-1, 1] to [lower, upper]."""
-    return scale(x, lower, upper)
+# The field's names: its transforms go the other way.
+unscale_np = scale_transform = unscale
+unscale_transform = scale
 
 
 def get_axis_params(
@@ -142,12 +133,7 @@ def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
     return (2.0 * w * w - 1.0) * v + 2.0 * w * torch.cross(vec, v, dim=-1) + 2.0 * along * vec
 
 
-def my_quat_rotate(q: Tensor, v: Tensor) -> Tensor:
-    return quat_rotate(q, v)
-
-
-def get_basis_vector(q: Tensor, v: Tensor) -> Tensor:
-    return quat_rotate(q, v)
+my_quat_rotate = get_basis_vector = quat_rotate
 
 
 def quat_rotate_inverse(q: Tensor, v: Tensor) -> Tensor:

@@ -89,15 +89,6 @@ def defaults(function: ast.FunctionDef | ast.Lambda) -> Iterator[tuple[ast.arg, 
 Number = int | float
 
 
-# `operator.truediv` and `floordiv` have no types.
-def _quotient(a: Number, b: Number) -> Number:
-    return a / b
-
-
-def _floor_quotient(a: Number, b: Number) -> Number:
-    return a // b
-
-
 def _power(a: Number, b: Number) -> Number:
     """In floats where it is large: a power of integers could fill the memory."""
     if isinstance(a, int) and isinstance(b, int) and abs(a) <= 2**31 and 0 <= b <= 63 and abs(a**b) <= MAX_INT:
@@ -105,12 +96,13 @@ def _power(a: Number, b: Number) -> Number:
     return math.pow(a, b)
 
 
+# `operator.truediv` and `floordiv` have no types.
 _BINARY: Mapping[type[ast.operator], Callable[[Number, Number], Number]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
-    ast.Div: _quotient,
-    ast.FloorDiv: _floor_quotient,
+    ast.Div: lambda a, b: a / b,
+    ast.FloorDiv: lambda a, b: a // b,
     ast.Mod: operator.mod,
     ast.Pow: _power,
 }
