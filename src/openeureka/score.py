@@ -177,11 +177,6 @@ class Outcome:
         return human_normalised(mean(self.method.held_out), mean(self.human.held_out), mean(self.sparse.held_out))
 
     @property
-    def normalised_training(self) -> float | None:
-        """Human-normalised score as published, on maxima over training."""
-        return human_normalised(mean(self.method.training), mean(self.human.training), mean(self.sparse.training))
-
-    @property
     def difference(self) -> Difference | None:
         """To the human reward, held out. It allows for the best having been picked among several, and for every look
         at which the race might have stopped."""

@@ -92,7 +92,7 @@ def framed(header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) 
 def unframed(data: bytes) -> Frame:
     """Inverse of `framed`, for who has it whole. Raises WorkerDied for anything else."""
     try:
-        return _Reader(-1, MAX_HEADER, MAX_BLOBS, data).read(0.0)
+        return _Reader(-1, begun=data).read(0.0)
     except WorkerTimeout:
         raise WorkerDied("The worker process sent a part of a frame.") from None
 
@@ -107,8 +107,8 @@ def _readable(fd: int, timeout: float) -> bool:
 class _Reader:
     """Reads frames from a pipe with a deadline and size caps."""
 
-    def __init__(self, fd: int, max_header: int, max_blobs: int, begun: bytes = b"") -> None:
-        self.fd, self.max_header, self.max_blobs = fd, max_header, max_blobs
+    def __init__(self, fd: int, max_blobs: int = MAX_BLOBS, begun: bytes = b"") -> None:
+        self.fd, self.max_blobs = fd, max_blobs
         self._buffer = bytearray(begun)
 
     def _take(self, count: int, deadline: float | None) -> bytes:
@@ -143,7 +143,7 @@ class _Reader:
     def read(self, timeout: float | None) -> Frame:
         deadline = None if timeout is None else time.monotonic() + timeout
         head_size, blob_size = _PREFIX.unpack(self._take(_PREFIX.size, deadline))
-        if head_size > self.max_header or blob_size > self.max_blobs:
+        if head_size > MAX_HEADER or blob_size > self.max_blobs:
             raise WorkerDied(f"The worker process announced an oversized frame ({head_size} + {blob_size} bytes).")
         try:
             head = codec.decode(_Head, self._take(head_size, deadline))
@@ -165,7 +165,7 @@ class Worker:
         env: the child's whole environment; None inherits this process's.
         nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
             waits for: it has the share of a session of its own, however much this process yields.
-        max_header, max_blobs: caps on what the child may send, in bytes.
+        max_blobs: cap on what the child may send in a frame beside its header, in bytes.
 
     Raises:
         WorkerError: where this machine has no room for a process, or no folder for temporary files.
@@ -178,7 +178,6 @@ class Worker:
         args: tuple[str, ...] = (),
         env: Mapping[str, str] | None = None,
         nice: int | None = None,
-        max_header: int = MAX_HEADER,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
         # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
@@ -194,7 +193,7 @@ class Worker:
             _yield_group(self.process.pid, os.getpriority(os.PRIO_PROCESS, 0) + nice)
         assert self.process.stdin is not None and self.process.stdout is not None
         self._stdin, self._stdout = self.process.stdin, self.process.stdout
-        self._reader = _Reader(self._stdout.fileno(), max_header, max_blobs)
+        self._reader = _Reader(self._stdout.fileno(), max_blobs)
 
     def _start(self, command: Sequence[str], env: Mapping[str, str] | None, **pipes: Any) -> None:
         """Raises WorkerError where this machine has no room for a process, and OSError for no such program."""
@@ -336,7 +335,7 @@ class Stranger(Worker):
         finally:
             os.close(theirs_in)
             os.close(theirs_out)
-        self._reader = _Reader(ours_in, MAX_HEADER, MAX_BLOBS)
+        self._reader = _Reader(ours_in)
 
 
 class Channel:
@@ -345,7 +344,7 @@ class Channel:
     def __init__(self) -> None:
         self._out = os.dup(1)
         os.dup2(2, 1)
-        self._reader = _Reader(os.dup(0), MAX_HEADER, MAX_BLOBS)
+        self._reader = _Reader(os.dup(0))
         parent = os.getppid()
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

@@ -94,7 +94,6 @@ def test_the_best_program_is_retrained_with_fresh_seeds_beside_the_human_reward(
     assert outcome.human.training == pytest.approx((10.0, 10.01, 10.02))
     assert outcome.sparse.training == (5.0,)
     assert outcome.normalised == pytest.approx((8.015 - 5) / (10.01 - 5))
-    assert outcome.normalised_training == pytest.approx((8.015 - 5) / (10.01 - 5))
     assert outcome.correlation == 0.5
     assert outcome.curve_correlation == pytest.approx(1.0)  # (0, w/2, w) against (0, 1, 2)
 
