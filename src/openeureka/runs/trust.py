@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -24,48 +24,39 @@ from ..tasks import registry
 from ..text import plain, visible
 
 RECORD = "typed"
-_EFFECTS = {
-    "env": "is run with your rights",
-    "search": "is run with your rights",
-    "executor": "is run with your rights",
-    "address": "is sent what is trained, and what answers there can run code with your rights",
-    "curriculum": "is read, and the tasks that it names are run with your rights",
-    "randomise": "is read",
-    "init": "is read, and sent to the model",
-    "model": "is loaded, or asked for rewards, which may cost money",
-    "base_url": "is sent the prompts and your key",
-    "price": "is what replies are taken to cost",
-    "log": "is sent what the run finishes",
+_YAML = (".yaml", ".yml")
+_RUN = "is run with your rights"
+_REACHES: Mapping[str, tuple[str, Callable[[str], bool]]] = {
+    "env": (_RUN, registry.installed),
+    "search": (_RUN, SEARCHES.installed),
+    "executor": (_RUN, EXECUTORS.installed),
+    "address": (
+        "is sent what is trained, and what answers there can run code with your rights",
+        lambda said: said in ("auto", "local"),
+    ),
+    "curriculum": (
+        "is read, and the tasks that it names are run with your rights",
+        lambda said: not said.endswith(_YAML),
+    ),
+    "randomise": ("is read", lambda said: not said.endswith(_YAML)),
+    "init": ("is read, and sent to the model", lambda said: said == "human"),
+    "model": (
+        "is loaded, or asked for rewards, which may cost money",
+        lambda said: said in ("local", "random", NO_MODEL),
+    ),
+    "base_url": ("is sent the prompts and your key", lambda said: not said),
+    "price": ("is what replies are taken to cost", lambda said: not said),
+    "log": ("is sent what the run finishes", lambda said: said == "tensorboard"),
 }
+"""Settings that reach outside a run: what becomes of what each names, and what it may say without doing so."""
 
 
 def claims(config: RunConfig | TrainConfig) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-
-    def said(key: str) -> str:
-        return str(getattr(config, key, ""))  # a training has fewer settings than a run
-
-    def file(key: str) -> str:
-        return absolute(key, said(key)) if said(key).endswith((".yaml", ".yml")) else ""
-
-    found = {
-        "env": "" if registry.installed(said("env")) else absolute("env", said("env")),
-        "search": "" if SEARCHES.installed(said("search")) else absolute("search", said("search")),
-        "executor": "" if EXECUTORS.installed(said("executor")) else absolute("executor", said("executor")),
-        "address": "" if said("address") in ("auto", "local") else said("address"),
-        "curriculum": file("curriculum"),
-        "randomise": file("randomise"),
-        "init": "" if said("init") == "human" else _whole(said("init")),
-        "model": "" if said("model") in ("local", "random", NO_MODEL) else absolute("model", said("model")),
-        "base_url": said("base_url"),
-        "price": said("price"),
-        "log": "" if said("log") == "tensorboard" else said("log"),
+    said = {key: str(getattr(config, key, "")) for key in _REACHES}  # a training has fewer settings than a run
+    return {
+        key: absolute(key, said[key]) for key, (_, inside) in _REACHES.items() if said[key] and not inside(said[key])
     }
-    return {key: value for key, value in found.items() if value}
-
-
-def _whole(path: str) -> str:
-    return str(Path(os.path.expanduser(path)).resolve()) if path else ""
 
 
 def remember(config: RunConfig | TrainConfig) -> None:
@@ -132,7 +123,7 @@ def agree(
 def _ask(asked: Mapping[str, str], directory: Path) -> None:
     print(f"{short_path(directory)} was not started here. It wants to use:")
     for key, value in asked.items():
-        print(f"  {key}={visible(value)}\n    which {_EFFECTS[key]}")
+        print(f"  {key}={visible(value)}\n    which {_REACHES[key][0]}")
     try:
         answer = input("Do you know where it comes from, and agree? [y/N] ")
     except EOFError:
