@@ -33,11 +33,8 @@ class Finding:
 
 
 def doctor(words: Sequence[str] = ()) -> int:
-    """Print every finding; returns 1 when something a run needs is missing.
-
-    Raises:
-        ConfigError: for a setting that does not fit, or where there is no cluster at `address=`.
-    """
+    """Print every finding; returns 1 when something a run needs is missing. Raises ConfigError for a setting that does
+    not fit, or where there is no cluster at `address=`."""
     address = parse(DoctorConfig, words).address
     found = nodes(address) if address else [finding for look in LOOKS for finding in look()]
     marks = {True: "ok", False: "MISSING"}

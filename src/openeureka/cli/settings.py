@@ -143,11 +143,7 @@ def split(words: Sequence[str]) -> tuple[list[str], list[Path]]:
 
 
 def only_path(paths: Sequence[Path], usage: str) -> Path:
-    """The single path of a command line.
-
-    Raises:
-        ConfigError: for none or several.
-    """
+    """The single path of a command line. Raises ConfigError for none or several."""
     if any(str(path).startswith("=") for path in paths):
         raise ConfigError(f"A setting has no blanks around its equals sign; for example: {usage}")
     if len(paths) != 1:
@@ -157,11 +153,7 @@ def only_path(paths: Sequence[Path], usage: str) -> Path:
 
 
 def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]:
-    """The settings without `trust=DIR`, and whether it is among them.
-
-    Raises:
-        ConfigError: where it names another run.
-    """
+    """The settings without `trust=DIR`, and whether it is among them. Raises ConfigError where it names another run."""
     named = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     if other := [name for name in named if Path(name).resolve() != directory.resolve()]:
         raise ConfigError(f"trust={other[0]} is not the run that is resumed; write trust={short_path(directory)}.")

@@ -47,11 +47,7 @@ def literal(text: str) -> Sequence:
 
 
 def parse(text: str) -> dict[str, tuple[Sequence, ...]]:
-    """Read a grammar of one rule per line.
-
-    Raises:
-        ValueError: for notation outside this subset.
-    """
+    """Read a grammar of one rule per line. Raises ValueError for notation outside this subset."""
     rules = {}
     for line in text.splitlines():
         if not line.strip() or line.startswith("#"):

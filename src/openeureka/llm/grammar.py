@@ -22,11 +22,8 @@ _LOCALS: tuple[str, ...] = ("x", "reward", "components")
 
 
 def offered(spec: StateSpec) -> tuple[StateVar, ...]:
-    """The variables the grammar uses, which are the arguments of its programs.
-
-    Raises:
-        TaskError: when the task marks none.
-    """
+    """The variables the grammar uses, which are the arguments of its programs. Raises TaskError when the task marks
+    none."""
     variables = tuple(v for v in spec.variables if v.use != "raw" and v.kind == "world" and len(v.shape) <= 1)
     if not variables:
         raise TaskError(

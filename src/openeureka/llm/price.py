@@ -30,11 +30,8 @@ class Price:
 
 
 def find(model: str, stated: str = "") -> Price | None:
-    """The `stated` price (`INPUT,OUTPUT`), else that of the table; None where neither knows the model.
-
-    Raises:
-        ConfigError: when `stated` is not two numbers.
-    """
+    """The `stated` price (`INPUT,OUTPUT`), else that of the table; None where neither knows the model. Raises
+    ConfigError when `stated` is not two numbers."""
     if stated:
         return _stated(stated)
     table = tomllib.loads((files("openeureka.llm") / "prices.toml").read_text())["models"]

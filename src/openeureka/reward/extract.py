@@ -93,11 +93,8 @@ def answer(text: str) -> str:
 
 
 def in_file(path: Path) -> tuple[Candidate, str]:
-    """The program in a file, and a word on where it was found if the file is a model's whole answer.
-
-    Raises:
-        RewardFileError: for a file that cannot be read.
-    """
+    """The program in a file, and a word on where it was found if the file is a model's whole answer. Raises
+    RewardFileError for a file that cannot be read."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:

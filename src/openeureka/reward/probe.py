@@ -66,11 +66,8 @@ def _run(run: Runner, state: Mapping[str, Any]) -> object:
 
 
 def outputs(result: object, num_worlds: int) -> Outputs:
-    """The total reward and its components from what a program returned.
-
-    Raises:
-        Refused: when it is not `(reward, components)` with one number per world.
-    """
+    """The total reward and its components from what a program returned. Raises Refused when it is not
+    `(reward, components)` with one number per world."""
     parts = cast(tuple[object, ...], result) if isinstance(result, tuple) else ()
     if len(parts) != 2 or not isinstance(parts[1], dict):
         kind = f"a tuple of {len(parts)}" if isinstance(result, tuple) else type(result).__name__

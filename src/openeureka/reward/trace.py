@@ -312,11 +312,8 @@ def refuse_sizes(seen: Tracer, graph: RewardGraph, forced: Tracer, other: Reward
 
 
 def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:
-    """One graph for any number of worlds, from traces of two sizes; integers that grow with N become `{"n": k}`.
-
-    Raises:
-        Refused: where the traces differ in another way.
-    """
+    """One graph for any number of worlds, from traces of two sizes; integers that grow with N become `{"n": k}`. Raises
+    Refused where the traces differ in another way."""
     nodes: list[Node] = []
     for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
         if left.op != right.op or left.kwargs.keys() != right.kwargs.keys() or len(left.args) != len(right.args):

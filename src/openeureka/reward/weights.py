@@ -68,11 +68,7 @@ def weights(text: str) -> tuple[Weight, ...]:
 
 def weighed(text: str, numbers: Sequence[float]) -> str:
     """The text with these in place of its `weights`. Signs stay those of the text; a number that is the same stays as
-    it is written.
-
-    Raises:
-        ValueError: where there are more or fewer of them than weights.
-    """
+    it is written. Raises ValueError where there are more or fewer of them than weights."""
     data = text.encode()
     for weight, value in reversed(list(zip(weights(text), numbers, strict=True))):
         if value != weight.value:

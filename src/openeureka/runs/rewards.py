@@ -24,11 +24,8 @@ from ..types import OWN_REWARDS, Candidate, Verdict, VerdictCode
 
 
 def read(program: str | Path) -> Candidate:
-    """The program in a file, or in a text: several lines, or a `def`. Either may be a model's whole answer.
-
-    Raises:
-        RewardFileError: for a file that cannot be read.
-    """
+    """The program in a file, or in a text: several lines, or a `def`. Either may be a model's whole answer. Raises
+    RewardFileError for a file that cannot be read."""
     return extract.in_text(str(program)) if is_text(program) else extract.in_file(_file(program))[0]
 
 

@@ -19,11 +19,8 @@ MOST_EPOCHS = 100_000
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
-
-    Raises:
-        ConfigError: for an executor, a device, a curriculum or ranges that do not exist or do not fit.
-    """
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory. Raises ConfigError for an
+    executor, a device, a curriculum or ranges that do not exist or do not fit."""
     if config.address and config.executor == "local":
         raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
     expect_storable(config, config.env, config.steps, "steps=")
