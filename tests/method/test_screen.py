@@ -301,7 +301,7 @@ def test_a_decision_stands_whatever_is_computed_later(tmp_path: Path):
 
 
 def test_settings_that_do_not_go_with_a_screen_are_refused():
-    with pytest.raises(ConfigError, match="one or more"):
+    with pytest.raises(ConfigError, match="from 1 to 100,000"):
         RunConfig(screen=0)
     with pytest.raises(ConfigError, match="use it with search=best"):
         RunConfig(screen=2, search="eureka")
