@@ -31,7 +31,7 @@ from openeureka.method import race
 from openeureka.numbers import spread
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.reward.weights import weighed, weights
-from openeureka.stats import difference, mean, spent
+from openeureka.stats import difference, mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
@@ -108,7 +108,7 @@ def between(own: Record) -> list[float] | None:
     is one of the two intervals that `stats.difference` takes the wider of.
     """
     before, after = (_defined(own["held_out"].get(name, [])) for name in ("before", "after"))
-    share = spent(len(own["held_out"].get("after", [])), own["settings"]["seeds"], race.FIRST)
+    share = race.share(len(own["held_out"].get("after", [])), own["settings"]["seeds"])
     found = difference(after, before, map(_defined, own["rivals"]), claims=(1 + len(own["rivals"])) / share)
     if found is None:
         return None

@@ -80,14 +80,15 @@ def held(random: Random, own: Spreads, most: int, gap: float) -> tuple[Differenc
     human = [random.gauss(0.0, own[1]) for _ in range(most + 1)]
     scores: dict[str, Sequence[float]] = {}
 
-    def look(names: Sequence[str], more: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
-        scores.update({name: drawn[name][: more[-1] + 1] for name in names}, human=human[: more[-1] + 2])
+    def look(names: Sequence[str], more: Sequence[int], so_far: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
+        trained = len(so_far)
+        scores.update({name: drawn[name][:trained] for name in names}, human=human[: trained + 1])
         return scores, [*drawn]
 
     winner = race.hold([*drawn], "human", range(most), look)[0]
     rivals = [scores[name] for name in drawn if name != winner]
-    share = stats.spent(len(scores[winner]), most, race.FIRST)
-    found = race.difference(scores[winner], scores["human"], rivals, claims=len(drawn) / share)
+    claims = len(drawn) / race.share(len(scores[winner]), most)
+    found = race.difference(scores[winner], scores["human"], rivals, claims=claims)
     assert found is not None
     return found, len(scores[winner])
 

@@ -14,7 +14,7 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.method import race
 from openeureka.score import Outcome
-from openeureka.stats import difference, spent
+from openeureka.stats import difference
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
@@ -138,13 +138,13 @@ def drawn(random: Random, names: list[str], seeds: int) -> bool:
     """Whether a race of equals ends with a verdict."""
     scores: dict[str, list[float]] = {"human": [random.gauss(0, 1)], **{name: [] for name in names}}
 
-    def look(left, more):
+    def look(left, more, _):
         for name in (*left, "human"):
             scores[name] += [random.gauss(0, 1) for _ in more]
         return scores, names
 
     winner, *_ = race.hold(names, "human", range(1, 1 + seeds), look)
-    return race.sure(scores, winner, "human", len(names) / spent(len(scores[winner]), seeds, race.FIRST))
+    return race.sure(scores, winner, "human", len(names) / race.share(len(scores[winner]), seeds))
 
 
 @pytest.mark.parametrize(("seeds", "raced"), [(2, 1), (3, 3), (10, 1), (20, 1)])
@@ -199,7 +199,7 @@ def test_the_race_stops_by_the_interval_of_the_verdict(tmp_path: Path) -> None:
     """Beyond doubt after two seeds if the best had not been picked among three, which the verdict allows for."""
     said = {spec(8.2, 1): 20.0, spec(8.2, 2): 22.0, spec(8.1, 1): 3.0, spec(8.1, 2): 5.0, spec(8, 1): 2.0}
     human = {"human-s0": 5.3, "human-s1": 6.3, "human-s2": 7.0}
-    look = spent(2, 5, race.FIRST)
+    look = race.share(2, 5)
     alone, picked = (difference([20.0, 22.0], [*human.values()], claims=claims / look) for claims in (1, 3))
     assert alone is not None and alone.sure and picked is not None and not picked.sure
     trainer = Lucky(error=1.0, said={**said, spec(8, 2): 4.0, spec(8.2, 3): 21.0, "human-s3": 6.2, **human})

@@ -25,8 +25,9 @@ FIRST = 2
 
 Scores = Mapping[str, Sequence[float]]
 """Played F of every final lane, by the name of its reward."""
-Look = Callable[[Sequence[str], Sequence[int]], tuple[Scores, Sequence[str]]]
-"""Takes the names of rewards, and seeds that these train with; gives the scores of all by then, and who may win."""
+Look = Callable[[Sequence[str], Sequence[int], Sequence[int]], tuple[Scores, Sequence[str]]]
+"""Takes the names of rewards, the seeds that these train with now, and all seeds so far; gives the scores of all
+rewards with the latter, and who may win. A resumed race decides each round by what there was in it."""
 
 
 def conclude(history: History, lanes: Lanes) -> None:
@@ -102,10 +103,9 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
     def train(names: Iterable[str], more: Iterable[int], *others: tuple[str, RewardProgram]) -> None:
         lanes.train(deal([*programs(racing[name].sample for name in names), *others], more, "final"))
 
-    def look(names: Sequence[str], more: Sequence[int]) -> tuple[Scores, Sequence[str]]:
+    def look(names: Sequence[str], more: Sequence[int], so_far: Sequence[int]) -> tuple[Scores, Sequence[str]]:
         train(names, more, *beside(config)[:1])
-        by_now = range(seeds.start, more[-1] + 1)  # a resumed race decides each round by what there was in it
-        first, scores = play_finals(lanes, lanes.final(tuple(racing.values()), by_now))
+        first, scores = play_finals(lanes, lanes.final(tuple(racing.values()), so_far))
         if known is not None:
             scores["human"] = list(known.human.scores)
         return scores, [name for name in racing if lawful(first[name], history.limits)]
@@ -157,7 +157,7 @@ def outcome(
         sparse=known.sparse if known else scored("sparse"),
         # Not whom the scores of now would race: what plays after the race may change those.
         rivals={entry.sample.place: scored(name) for name, entry in others.items() if lanes[name]},
-        share=share(config, len(trained)) if best.played is not None else 1.0,
+        share=share(len(trained), config.seeds) if best.played is not None else 1.0,
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )
@@ -174,14 +174,14 @@ def hold(names: Sequence[str], against: str, seeds: Sequence[int], look: Look) -
     """
     left, trained = list(names), 0
     for more in rounds(seeds, raced=True):
-        scores, able = look(left, more)
         trained += len(more)
+        scores, able = look(left, more, seeds[:trained])
         left = [name for name in left if name in able] or list(able)  # who left to a leader that may not win is back
         if not left:
             break
         left = running(scores, left)
         # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
-        if len(left) == 1 and sure(scores, left[0], against, len(names) / spent(trained, len(seeds), FIRST)):
+        if len(left) == 1 and sure(scores, left[0], against, len(names) / share(trained, len(seeds))):
             break
     return left
 
@@ -193,9 +193,9 @@ def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
     yield from (seeds[index : index + 1] for index in range(together, len(seeds)))
 
 
-def share(config: RunConfig, trained: int) -> float:
-    """Of all errors, those that a race may make when it stops with so many seeds: see `stats.spent`."""
-    return spent(trained, config.seeds, FIRST)
+def share(trained: int, seeds: int) -> float:
+    """Of all errors, those that a race may make when it stops with so many of its seeds: see `stats.spent`."""
+    return spent(trained, seeds, FIRST)
 
 
 def running(scores: Scores, names: Sequence[str]) -> list[str]:

@@ -165,7 +165,7 @@ def read(
         finals={name: _of_seeds(own, results, evaluations) for name, own in raced.items()},
         components=_components(*([results[lane] for lane in raced.get(name, ())] for name in (ORIGINAL, after))),
         judged=any(lane in evaluations for name, own in raced.items() for lane in own if name != ORIGINAL),
-        share=race.share(config, len(lanes.get(after, ()))),
+        share=race.share(len(lanes.get(after, ())), config.seeds),
         alone=not after and bool(lanes[ORIGINAL]) and all(trial.played is None for trial in others),
         lost={trial.name: trial.result.message for trial in others if trial.result and trial.result.message},
         breach=_breach(scores.get(after, ()), config.cost_limits),

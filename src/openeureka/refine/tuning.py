@@ -201,10 +201,9 @@ def _race(lanes: Lanes) -> PolicyId | None:
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), tuning_seeds(config)
     programs = {name: texts[name] for name in (ORIGINAL, *racing)}
 
-    def look(names: Sequence[str], more: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
+    def look(names: Sequence[str], more: Sequence[int], so_far: Sequence[int]) -> tuple[race.Scores, Sequence[str]]:
         lanes.train(deal(_programs(store, [programs[name] for name in (ORIGINAL, *names)]), more, "final"))
-        by_now = range(seeds.start, more[-1] + 1)
-        looks, scores = race.play_finals(lanes, tuned.final_lanes(config, programs, store.lanes.results(), by_now))
+        looks, scores = race.play_finals(lanes, tuned.final_lanes(config, programs, store.lanes.results(), so_far))
         return scores, [name for name in racing if lawful(looks[name], config.cost_limits)]
 
     lanes.tell(Began("final"))
