@@ -22,7 +22,7 @@ class Mode(TorchDispatchMode):
 
 
 class _NoCompiler(ModuleType):
-    """Stands in for `torch._dynamo`, of which torch's shape rules use the decorator `disable` alone."""
+    """A stand-in for `torch._dynamo` with the decorator `disable`, the only part that torch's shape rules use."""
 
     @staticmethod
     def disable(function: Callable[..., Any], *_: object, **__: object) -> Callable[..., Any]:
@@ -30,5 +30,5 @@ class _NoCompiler(ModuleType):
 
 
 def without_compiler() -> None:
-    """For a process that never compiles: shapes on the meta device are told without importing `torch._dynamo`."""
+    """Let a process that never compiles compute shapes on the meta device without importing `torch._dynamo`."""
     sys.modules.setdefault("torch._dynamo", _NoCompiler("torch._dynamo"))

@@ -1,7 +1,7 @@
 """The contract of a reward graph, judged on recorded states by running allow-listed operations only.
 
-Every candidate's graph is judged here, in a confined child of its own (`sandbox.server`) that runs nothing else:
-an operation that ends its process, or asks for memory that is not there, costs a verdict.
+Every candidate's graph is judged here, in a separate confined child (`sandbox.server`) that runs nothing else. If an
+operation ends that process or runs out of memory, this only leads to a verdict on the candidate.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, n
 
 MAX_REWARD = 1e6
 MAX_CALL_SECONDS = 0.5
-"""Processor time of one call with the worlds of a training; a usual reward takes a few milliseconds."""
+"""Processor time of one call with as many worlds as in training; a usual reward takes a few milliseconds."""
 _MAY_SHRINK = surface.words("""
     arange.start arange.start_step diagonal.default linspace.default slice.Tensor slice_scatter.default split.Tensor
     split_with_sizes.default
@@ -34,14 +34,14 @@ _PICKS = frozenset(
     take unbind
 """)
 )
-"""What picks worlds, or reads no more of them than their dtype."""
+"""Operations that pick worlds, or that read no more of a tensor than its dtype."""
 _SCANS = {
     "_log_softmax": 1, "_softmax": 1, "cummax": 1, "cummin": 1, "cumprod": 1, "cumsum": 1, "flip": 1, "roll": 2,
     "sort": 1, "topk": 2,
 }  # fmt: skip
-"""What gives each element along an axis from the others, and at which place it takes the axis."""
+"""Operations that compute each element along an axis from the others, with the axis's position in their arguments."""
 _MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
-"""So many that a value which grows with their square breaks the limit per world."""
+"""Enough worlds for a value that grows with their square to break the limit per world."""
 
 
 def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> tuple[Finding, ...]:
@@ -85,10 +85,11 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
 
 
 def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
-    """Shapes, before any number is: for the recorded worlds, those of a training, and many others.
+    """Measure shapes before any number is computed: for as many worlds as in training, for more than were recorded, and
+    for `_MANY_WORLDS`.
 
-    The number of a training is always among them. A shape that may shrink as worlds are added can be small at both ends
-    and large between them: where a graph has one, powers of two are measured too.
+    A shape that shrinks as worlds are added can be small for few and for many worlds and large in between. If a graph
+    may have one, powers of two are measured too.
     """
     recorded_worlds = world_count(recorded, spec)
     counts = {_more(worlds, recorded_worlds), _MANY_WORLDS}
@@ -116,7 +117,7 @@ def _grows_with_worlds(node: Node) -> bool:
 
 
 def _more(worlds: int, recorded_worlds: int) -> int:
-    """The number of a training, or one above that of the recorded worlds where it has fewer."""
+    """The number of worlds in training; if that is not above the number of recorded worlds, a number that is."""
     return worlds if worlds > recorded_worlds else 2 * recorded_worlds + 1
 
 
@@ -135,7 +136,7 @@ def _too_large(traced: Traced, index: int) -> Refused:
 
 
 def _shapes(graph: RewardGraph, spec: StateSpec, recorded: Recorded, count: int) -> Iterator[Any]:
-    """The value of each node in turn for so many worlds, without its numbers."""
+    """The shape of each node's value in turn, for `count` worlds: tensors on the meta device."""
     state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
     return graphs.values(graph, state, count, "meta")
 
@@ -153,7 +154,7 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
         done = list(graphs.values(graph, recorded, count))
     reward, components = outputs((done[graph.reward], {name: done[i] for name, i in graph.components}), count)
     for name, index in graph.components:
-        if components[name] is not done[index]:  # a probe writes the mean per world into the graph
+        if components[name] is not done[index]:  # `outputs` took a mean; a probe writes it into the graph
             raise Refused("components", f"component `{name}` is not one number per world", "use a tensor of shape (N,)")
     for name, index in _named_outputs(graph):
         bad = ~torch.isfinite(done[index].double())
@@ -168,9 +169,9 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
 
 
 def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, paying: Set[int]) -> None:
-    """What makes one number of all worlds may not pay any, though it was the same in all that were recorded: whether
-    one of them presses too hard, say. Nor may what scans or sorts them: picked of that, a world is one of all too.
-    What picks a world is judged by values: what is picked may be the same in all.
+    """Refuse a reward that reduces, scans or sorts over worlds, even if the result was the same in all recorded states,
+    such as whether any world presses too hard. A single element of a scan or sort depends on all worlds, too.
+    Operations that only pick worlds are judged by values: what they pick may be the same for all worlds.
     """
     small, large = (list(_shapes(traced.graph, spec, recorded, count)) for count in TRACE_SIZES)
     grows = [_size(a) != _size(b) for a, b in zip(small, large, strict=True)]
@@ -183,13 +184,13 @@ def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, pay
 
 
 def _scans_worlds(node: Node, small: Sequence[Any], large: Sequence[Any]) -> bool:
-    """Whether a node scans an axis that is longer with more worlds."""
+    """Whether a node scans an axis that grows with the number of worlds."""
     name = node.op.partition(".")[0]
     if name not in _SCANS:
         return False
     source = next(iter(references(node)))
     grown = [a != b for a, b in zip(small[source].shape, large[source].shape, strict=True)]
-    unsaid: Arg = () if name == "roll" else -1  # `roll` without an axis rolls all of them as one
+    unsaid: Arg = () if name == "roll" else -1  # `roll` without an axis rolls the flattened tensor
     place = _SCANS[name]
     given = node.args[place] if place < len(node.args) else unsaid
     said = node.kwargs.get("dim", node.kwargs.get("dims", given))
@@ -202,7 +203,7 @@ def _named_outputs(graph: RewardGraph) -> list[tuple[str, int]]:
 
 
 def _makes_bad(graph: RewardGraph, done: Sequence[Any], index: int, value: Any) -> bool:
-    """Whether a node is the first to turn finite numbers into others."""
+    """Whether a node turns finite numbers into ones that are not."""
     if not isinstance(value, Tensor) or torch.isfinite(value.double()).all():
         return False
     sources = [done[source] for source in references(graph.nodes[index])]
@@ -231,7 +232,7 @@ def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: S
             for index, value in enumerate(graphs.values(graph, state, len(chosen))):
                 if index in outputs_of.values():
                     found[index] = value
-    except (IndexError, RuntimeError) as error:  # as `x[1]` in a single world
+    except (IndexError, RuntimeError) as error:  # such as for `x[1]` with a single world
         if "allocate memory" in str(error):
             raise _too_large(traced, index + 1) from None
         raise _coupled("the reward", _line(traced, index + 1)) from None
@@ -256,9 +257,9 @@ def _coupled(name: str, line: int | None) -> Refused:
 
 
 def _differs(part: Any, whole: Any, worlds: Tensor, count: int) -> bool:
-    """Whether a per-world value computed for some worlds is not what it is among all of them.
+    """Whether a per-world value computed for some worlds differs from the one computed among all worlds.
 
-    Values without a world axis are not judged: a batch mean as a component is a record that pays no world.
+    Values without a world axis are not judged: a batch mean as a component is only recorded and pays no world.
     """
     if not isinstance(whole, Tensor) or whole.dim() == 0 or whole.shape[0] != count:
         return False

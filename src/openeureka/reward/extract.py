@@ -19,15 +19,15 @@ from ..types import OWN_REWARDS, Candidate
 from .normalise import ENTRY_NAMES
 
 MAX_REPLY = 1_000_000
-"""Characters of a reply that are looked at."""
+"""Characters of a reply that are read; the rest is ignored."""
 MAX_PARSED = 100_000
-"""Characters of a block that are parsed; a longer one is no reward program."""
+"""Characters of the longest block that is parsed; a longer block is not taken for a reward program."""
 MAX_TRIMS = 50
 MAX_JOINS = 50
-"""Fences that are tried as the end of a block whose first one is in a string."""
+"""Further closing fences that are tried in one text, where the first one of a block is inside a string."""
 MAX_NESTING = 2
 
-# Possessive, all of them: a mark that gave characters back would be tried again at each.
+# Possessive quantifiers: a long fence mark that gave characters back would be tried again at every length.
 _FENCE = re.compile(
     r"^(?P<quote>[ \t>]*+)(?P<item>(?:(?:[-*+]|\d{1,9}[.)])[ \t]++)?+)(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$"
 )
@@ -38,7 +38,7 @@ _THINKS = re.compile(r"\s*+<(?:think|thinking|thought)>")
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _BODY = re.compile(r"^[ \t]++(?:return\b|\w++ *+=(?!=))", re.MULTILINE)
 _SKETCHED = re.compile(r"^[ \t]*+(?:# *+)?+(?:\.{3}|…)|\((?:\.{3}|…)\)|^[-+]", re.MULTILINE)
-"""Stands for code that is left out, or begins a line of a diff."""
+"""Matches an ellipsis that stands for omitted code, or the first character of a line of a diff."""
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
 _JSON_BEGINS = re.compile(r"\s*+(?=[{\[\"])")
 _DOCSTRING = r"[rR]?(?:\"{3}|'{3})"
@@ -49,7 +49,7 @@ _FILE_BEGINS = re.compile(
 )
 _IN_FUNCTION = re.compile(r"[ \t]*(?:def[ \t]+\w+[ \t]*\(|return\b)")
 _GOES_ON = re.compile(rf"\s|$|[#)\]}}]|{_DOCSTRING}")
-"""Begins a line that is part of the code above it."""
+"""Matches the beginning of a line that continues the code above it."""
 
 _Json: TypeAlias = "dict[str, _Json] | list[_Json] | str | float | None"
 
@@ -57,10 +57,10 @@ _Json: TypeAlias = "dict[str, _Json] | list[_Json] | str | float | None"
 def program(reply: str) -> str | None:
     """Source of the reward program in a reply, or None where it holds no function.
 
-    The last code block with a reward function is it: models draft before they decide. Helper functions and constants
-    that it names and that stand in other blocks come along. Without code blocks, the program is looked for between the
-    prose, then in the strings of JSON. A program with a syntax error is returned too, and comes before a draft without
-    one, so that its author learns of the line.
+    The program is the last code block with a reward function, because models draft before they decide. Helper functions
+    and constants that it names are added from other blocks. If no code block holds a function, the program is searched
+    for between the prose, then in JSON strings. A program with a syntax error is returned too, even if an earlier draft
+    has none, so that the model learns which line is wrong.
     """
     text = answer(_plain(reply))
     codes = list(_fenced(text))
@@ -68,8 +68,8 @@ def program(reply: str) -> str | None:
 
 
 def is_settled(reply: str) -> bool:
-    """Whether a reply that was cut off holds its program all the same: the program parses, and the cut is in no thought
-    and no code block."""
+    """Whether a reply that was cut off still holds a complete program: the program parses, and the cut is neither in
+    the thoughts nor in a code block."""
     text = _ENDED_THOUGHTS.sub("", _plain(reply))
     codes = list(_fenced(text))
     if _THINKS.match(text) or codes != list(_fenced(f"{text}\n#")):  # an open block would hold the comment too
@@ -79,22 +79,22 @@ def is_settled(reply: str) -> bool:
 
 
 def fenced(source: str) -> str:
-    """A reply that holds this program, whatever fences are in it."""
+    """A reply with this program in a code block, whose fence is longer than any in the program."""
     longest = max(map(len, re.findall("`+", source)), default=0)
     fence = "`" * max(3, longest + 1)
     return f"{fence}python\n{source}\n{fence}"
 
 
 def answer(text: str) -> str:
-    """What follows the thoughts of a reply, with them where only they hold a program. The mark that opens them may be
-    missing, as some templates end with it."""
+    """A reply without its thoughts. Their opening mark may be missing, as some templates end with it. If no function
+    follows the last closing mark, only thoughts at the beginning that have both marks are removed."""
     rest = _ENDED_THOUGHTS.sub("", text)
     return rest if _FUNCTION.search(rest) or not _FUNCTION.search(text) else _THOUGHTS.sub("", text)
 
 
 def in_file(path: Path) -> tuple[Candidate, str]:
-    """The program in a file, and a word on where it was found if the file is a model's whole answer. Raises
-    RewardFileError for a file that cannot be read."""
+    """The program in a file. If the file is a model's whole answer, also a note on how its lines are counted, else an
+    empty text. Raises RewardFileError for a file that cannot be read."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -109,8 +109,8 @@ def in_file(path: Path) -> tuple[Candidate, str]:
 
 
 def in_text(text: str) -> Candidate:
-    """The program that a text is, or that it holds if it is a model's whole answer. Nothing is left out of a file that
-    begins with code and does not parse: what is below the error may be the reward."""
+    """The text as a program, or the program in it if the text is a model's whole answer. A text that begins with code
+    but does not parse is kept whole, because the reward may be below the error."""
     text = text.removeprefix("\ufeff")
     found = program(text) if _parsed(text) is None and not _FILE_BEGINS.match(text) else None
     return Candidate.of(found if found is not None else text)
@@ -133,17 +133,17 @@ def _among(codes: Iterable[str]) -> str | None:
 class _Block:
     source: str
     tree: ast.Module | None
-    """None where it does not parse."""
+    """None if the source does not parse."""
     defined: frozenset[str]
-    """Functions defined anywhere in it."""
+    """Functions defined anywhere in the block."""
     returns: bool
-    """False for a signature alone."""
+    """Whether a function has a body that returns; false for a mere signature."""
     meant: frozenset[str]
-    """Functions that it would define if it parsed; none of a signature alone, a sketch or a diff."""
+    """For a block that does not parse: functions it would define. Empty for a mere signature, a sketch or a diff."""
 
     @property
     def missing(self) -> frozenset[str]:
-        """Every name that it reads and nowhere binds, and every method of `self` that it calls and does not define."""
+        """Names that the block reads but never binds, and methods of `self` that it calls but does not define."""
         read, bound, methods = set[str](), set(self.defined), set[str]()
         for node in ast.walk(self.tree) if self.tree is not None else ():
             match node:
@@ -159,7 +159,7 @@ class _Block:
 
     @property
     def offered(self) -> frozenset[str]:
-        """Its functions, or the names in a block of constants alone."""
+        """Names of the block's functions, or of its constants if it holds nothing else."""
         return self.defined or frozenset(_constants(self.tree.body if self.tree is not None else ()))
 
     @staticmethod
@@ -174,7 +174,7 @@ class _Block:
 
 
 def _constants(statements: Iterable[ast.stmt]) -> set[str]:
-    """Names of a block that only imports and assigns, and needs no other names for it; none of any other block."""
+    """Names that a block assigns, if it only imports and assigns and reads no other names; none for any other block."""
     bound, read = set[str](), set[str]()
     for statement in statements:
         if isinstance(statement, ast.Import | ast.ImportFrom):
@@ -206,9 +206,9 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def _choose(blocks: list[_Block]) -> _Block | None:
-    """The last reward if it is of the asked name and does not parse, else the last that parses, one of the asked name
-    first, else the last function that does, else the last that looks like one. A signature that is shown once more
-    replaces no program."""
+    """The last reward, if it has one of `ENTRY_NAMES` and does not parse. Else the last block that defines one of these
+    names, else a name with `reward` in it, else any function, else a block that looks as if it did. A block that only
+    repeats a signature comes after all others."""
     last_first = sorted(reversed(blocks), key=lambda block: not block.returns)
     written = (block for block in last_first if any("reward" in name for name in block.defined | block.meant))
     mistyped = (block for block in islice(written, 1) if not block.meant.isdisjoint(ENTRY_NAMES))
@@ -220,8 +220,8 @@ def _choose(blocks: list[_Block]) -> _Block | None:
 
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
-    """Other blocks with what the chosen one names and lacks, directly or through each other, in their order. One that
-    defines what the chosen one does is a draft of it."""
+    """Other blocks that define what the chosen one lacks, directly or through each other, in the order of the reply. A
+    block that defines a function of the chosen one is a draft of it and is left out."""
     others = [block for block in blocks if block.defined.isdisjoint(chosen.defined)]
     last = {name: place for place, block in enumerate(others) for name in block.offered}
     found = set[int]()
@@ -252,14 +252,15 @@ def _fenced(text: str, depth: int = 0) -> Iterator[str]:
 def _content(
     lines: list[str], fences: list[tuple[int, re.Match[str]]], number: int, joins: Iterator[int]
 ) -> tuple[int, list[str]]:
-    """Which fence ends the block that one begins, and the lines between.
+    """Index of the fence that closes the block which fence `number` opens, and the lines between the two.
 
-    It is the next bare one of the same kind, not at the head of a list item, that is at least as long, or the end of
-    the text. Where that is in a string of a program, it is the one that completes the program.
+    It is the next fence of the same kind that is at least as long, has no text after it and is not at the head of a
+    list item. Without one, the block ends with the text. If that fence is inside a string of a program, the one that
+    completes the program is taken instead.
 
     Args:
-        fences: with the lines that they are at.
-        joins: one of them is taken for each later fence that is tried.
+        fences: each with the index of its line.
+        joins: one item is used up for each later fence that is tried.
     """
     place, opening = fences[number]
     ends = (
@@ -280,13 +281,13 @@ def _content(
 
 
 def _in_string(lines: list[str]) -> bool:
-    """Whether code ends within a docstring or the like, as far as their quotes can be counted."""
+    """Whether code ends inside a triple-quoted string, judged by the number of quotes."""
     code = "\n".join(lines)
     return any(code.count(quotes) % 2 for quotes in ('"""', "'''"))
 
 
 def _unwrapped(lines: list[str], depth: int) -> Iterator[str]:
-    """The code of a block; of a block of markdown, that of the blocks in it."""
+    """The code of a block; for a block of Markdown, the code of the blocks inside it."""
     code = "\n".join(lines)
     if depth == MAX_NESTING or not any(map(_FENCE.match, lines)) or _is_program(code):
         yield code
@@ -299,8 +300,8 @@ def _is_program(code: str) -> bool:
 
 
 def _in_json(text: str) -> Iterator[str]:
-    """The code in the strings of JSON, as models hand it to a tool, or wrap it where an endpoint holds them to JSON.
-    Calls of several tools are several values."""
+    """The code in the strings of JSON, which models write to call a tool or where an endpoint demands JSON. Several
+    tool calls are several JSON values in a row."""
     decoder, place = json.JSONDecoder(strict=False), 0
     while begin := _JSON_BEGINS.match(text, place):
         try:
@@ -321,7 +322,8 @@ def _in_json(text: str) -> Iterator[str]:
 
 
 def _between_prose(text: str) -> str:
-    """The lines from the first that begins code, less the prose after it: what does not parse, and is no code."""
+    """The lines from the first that begins code, without the prose after them: lines that neither parse nor look like
+    code."""
     begin = _CODE_BEGINS.search(text)
     if begin is None:
         return ""
@@ -342,7 +344,7 @@ def _between_prose(text: str) -> str:
 
 
 def _beginning(lines: list[str], number: int) -> int:
-    """Index of the line that begins what the line of this number, from 1, is part of."""
+    """Index, from 0, of the line that begins the statement which line `number`, from 1, is part of."""
     above = range(min(number, len(lines)) - 1, 0, -1)
     return next((place for place in above if not _GOES_ON.match(lines[place])), 0)
 
@@ -357,5 +359,5 @@ def _parsed(source: str) -> ast.Module | None:
 def _parse(source: str) -> ast.Module:
     if len(source) > MAX_PARSED:
         raise ValueError("too long for a reward program")
-    with warnings.catch_warnings(action="ignore"):  # an invalid escape in a model's string is no concern of ours
+    with warnings.catch_warnings(action="ignore"):  # such as one on an invalid escape in a string
         return ast.parse(source)

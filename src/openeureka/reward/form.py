@@ -1,4 +1,4 @@
-"""The form of a reward, the same in whatever order it adds: a race takes two programs of one form for one reward."""
+"""The form of a reward, independent of the order of its terms: a race treats programs of one form as one reward."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import cast
 from ..types import PROGRESS, Arg, Node, Part, RewardGraph
 
 Terms = dict[str, float]
-"""A value as a weighted sum: how often each term is in it."""
+"""A value as a weighted sum: the weight of each term, by the digest of the term."""
 
 _EITHER_WAY = frozenset({"mul.Tensor", "maximum.default", "minimum.default"})
-"""Of what is not a sum, where the order of two arguments does not matter."""
+"""Operations other than sums for which the order of the two arguments does not matter."""
 _ZERO = "0"
 _DIGITS = 9
-"""Of a weight: 1 / 0.1 and 10 are one."""
+"""Significant digits of a weight that are compared, so that 1 / 0.1 equals 10."""
 
 
 def form(graph: RewardGraph) -> str:
-    """Equal for rewards that differ in the names and places of their terms, not in what they pay but for rounding.
+    """A digest that is equal for rewards that pay the same up to rounding and differ in names and order of their terms.
 
-    It knows sums, differences and weights. What else is algebraically equal, such as x * x and x ** 2, stays apart.
+    Only sums, differences and weights are normalised. Other equal expressions, such as x * x and x ** 2, differ.
     """
     done: list[Terms] = []
 
-    @cache  # many may refer to one long sum
+    @cache  # many nodes may refer to one long sum
     def digest(index: int) -> str:
         return _digest(done[index])
 
@@ -34,15 +34,15 @@ def form(graph: RewardGraph) -> str:
         done.append(_terms(node, done, digest))
     progress = [digest(index) for name, index in graph.components if name.startswith(PROGRESS)]
     reward = _digest({name: weight for name, weight in done[graph.reward].items() if name != _ZERO})
-    return _short([reward, *progress]) if progress else reward  # with bonus=progress they pay, in the total or not
+    return _short([reward, *progress]) if progress else reward  # bonus=progress pays for these even outside the total
 
 
 def _terms(node: Node, done: Sequence[Terms], digest: Callable[[int], str]) -> Terms:
     """A node's value, from those before it and their digests."""
     name = node.op.partition(".")[0]
     if name == "zeros_like":
-        return {_ZERO: 1.0}  # kept inside other operations: there its shape may count
-    # A graph may be forged: what is given in another place or by another name than tracing does is no sum.
+        return {_ZERO: 1.0}  # kept as an argument of other operations, where its shape may matter
+    # A graph may be forged: a node whose arguments are not placed and named as by tracing is not read as a sum.
     if name == "neg" and node.args:
         return _sum({}, _sides(node, done)[0], -1)
     if name in ("add", "sub", "rsub") and len(node.args) == 2 and node.kwargs.keys() <= {"alpha"}:
@@ -64,7 +64,7 @@ def _terms(node: Node, done: Sequence[Terms], digest: Callable[[int], str]) -> T
 
 
 def _sides(node: Node, done: Sequence[Terms]) -> list[Terms]:
-    """The arguments of a sum."""
+    """The arguments of a sum, each as a weighted sum itself."""
 
     def side(arg: Arg) -> Terms:
         if not isinstance(arg, Mapping):

@@ -1,7 +1,7 @@
 """Reads a reward program as text and says, with line and fix, what is not allowed.
 
-It is the first filter, and never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the
-boundary that holds against a program that means harm is the kernel's (`sandbox.confine`).
+The gate is the first filter and never runs anything. It exists for good messages and to make ordinary mistakes cheap.
+Against a malicious program, the kernel is the boundary (`sandbox.confine`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Program:
 
     @property
     def return_line(self) -> int | None:
-        """Where the reward function's results are returned last."""
+        """Line of the last `return` in the reward function."""
         lines = [node.lineno for node in ast.walk(self.draft.entry) if isinstance(node, ast.Return)]
         return max(lines, default=None)
 
@@ -59,7 +59,7 @@ def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     """The program in plain form, or every reason why it is refused, in the order of its lines."""
     try:
         return _check(source, state)
-    except Exception as error:  # a text that nobody thought of is refused like any other
+    except Exception as error:  # a text that makes the gate itself fail is refused like any other
         message = f"the gate cannot read it ({type(error).__name__}: {str(error)[:200]})"
         return (Finding(rule="unreadable", message=printable(message), fix="write it in a plainer way"),)
 
@@ -83,7 +83,7 @@ def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     program = Program(draft, tuple(rules.inputs), tuple(rules.arguments))
     try:
         program.code()
-    except SyntaxError as error:  # as `break` outside a loop, which parses
+    except SyntaxError as error:  # such as for `break` outside a loop, which parses
         return (_unreadable(error),)
     return program
 
@@ -101,7 +101,7 @@ def _text_findings(source: str) -> Iterator[Finding]:
 
 
 def of_numbers(program: Program, line: int | None) -> tuple[str, str] | None:
-    """The first function of numpy or math that a line calls, and what torch calls it."""
+    """The first function of numpy or math that a line calls, and its counterpart in torch."""
     for node in ast.walk(program.draft.tree):
         if isinstance(node, ast.Call) and node.lineno == line:
             head, _, rest = (dotted(node.func) or "").partition(".")
@@ -112,7 +112,7 @@ def of_numbers(program: Program, line: int | None) -> tuple[str, str] | None:
 
 
 def parse(source: str) -> ast.Module | Finding:
-    """Its tree, small enough to be walked by recursion; or why there is none."""
+    """The syntax tree of a program, small enough to be walked by recursion, or the reason why there is none."""
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(source, FILENAME)

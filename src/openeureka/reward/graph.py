@@ -1,4 +1,4 @@
-"""Reward graphs: simplified, interpreted, compiled, and spelled as Python for others."""
+"""Simplifies, interprets and compiles reward graphs, and writes them as Python for others."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ State = Mapping[str, Tensor | float | int]
 
 
 def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
-    """Drop what no output needs and compute equal things once; also the old index of each remaining node."""
+    """Drop nodes that no output needs and merge equal ones. Also returns the old index of each remaining node."""
     place: dict[int, int] = {}
     seen: dict[str, int] = {}
     nodes: list[Node] = []
@@ -66,18 +66,18 @@ def _div_scalar(input: Any, other: Any, *, rounding_mode: str | None = None) -> 
 
 
 _COPIES = {"view.default": "reshape.default"}
-"""What runs in place of an operation: tracing writes a reshape as a view of the tensors that it sees, which are
-contiguous, and those of a task may be slices. Of equal ones both give the same."""
+"""Operations that run in place of others. Tracing records a reshape as a view, because the tensors that it sees are
+contiguous. A task's tensors may be slices, which allow a reshape only. On equal tensors both give the same."""
 _GUARDED = {"div.Tensor_mode": _div_tensor, "div.Scalar_mode": _div_scalar}
 
 
 def _callable(op: str) -> Callable[..., Any]:
-    """What runs for a node: the overload itself, or one that looks at its arguments first."""
+    """The function that runs a node: an ATEN overload, or one that checks its arguments first."""
     return _GUARDED.get(op) or operation(_COPIES.get(op, op))
 
 
 def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
-    """Keyword arguments with the torch attributes that some of them name."""
+    """Keyword arguments, with names of torch attributes (such as a dtype) replaced by the attributes."""
     return {k: getattr(torch, v) if k in TORCH_NAMES and v is not None else v for k, v in kwargs.items()}
 
 
@@ -88,10 +88,10 @@ def _constant(node: Node, device: torch.device | str) -> Tensor:
 
 
 def _filler(done: Sequence[Any], times_worlds: Callable[[int], Any]) -> Callable[[Arg], Any]:
-    """What gives an argument as it is handed on, with the values of nodes before in place of references.
+    """A function that prepares an argument for a call: references become the values of earlier nodes.
 
     Args:
-        times_worlds: a multiple of the number of worlds.
+        times_worlds: gives a multiple of the number of worlds.
     """
 
     def fill(arg: Arg) -> Any:
@@ -105,7 +105,7 @@ def _filler(done: Sequence[Any], times_worlds: Callable[[int], Any]) -> Callable
 
 
 def _call(node: Node, fill: Callable[[Arg], Any], device: Any) -> tuple[Callable[..., Any], list[Any], dict[str, Any]]:
-    """What runs for a node, and what it is given."""
+    """The function that runs a node, its arguments and its keyword arguments."""
     args, kwargs = [fill(arg) for arg in node.args], _named({key: fill(arg) for key, arg in node.kwargs.items()})
     if node.op in MADE_FROM_NOTHING:
         kwargs["device"] = device
@@ -113,10 +113,10 @@ def _call(node: Node, fill: Callable[[Arg], Any], device: Any) -> tuple[Callable
 
 
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
-    """The value of each node in turn: the reference interpreter, for checks; on the meta device, shapes only.
+    """The value of each node in turn: the reference interpreter, for checks. On the meta device it gives shapes only.
 
-    A boolean mask as an index selects every element on the meta device: the largest result it can have. A value is let
-    go after its last use; callers keep those that they need.
+    On the meta device, a boolean mask as an index selects every element, which is the largest possible result. A value
+    is released after its last use; callers keep those that they need.
     """
     done: list[Any] = []
     last = {source: index for index, node in enumerate(graph.nodes) for source in (index, *references(node))}
@@ -163,7 +163,7 @@ class CompiledReward:
     """A graph as a fast function of the state, on the device of its inputs and for any number of worlds.
 
     Raises:
-        GraphError: as `validate`, or for an input that the table does not hold.
+        GraphError: as `validate`, or for an input that is not in the state table.
     """
 
     def __init__(self, graph: RewardGraph, spec: StateSpec) -> None:
@@ -233,7 +233,7 @@ _HEAD = '''def reward(state):
 
 
 def spelled(graph: RewardGraph, spec: StateSpec) -> str:
-    """Source of `reward(state)`, where `state` holds tensors (N, ...) by the names of the table; it names `torch`.
+    """Source of `reward(state)`, where `state` holds tensors (N, ...) by the names of the table. It needs `torch`.
 
     Every line is one allow-listed operation with literal arguments.
 
@@ -255,7 +255,7 @@ def _output(index: int) -> str:
 
 def _value(node: Node) -> str:
     if node.op == "input":
-        # A number of the task, no tensor, is one that operations take.
+        # A task's plain numbers, such as `dt`, become tensors, which operations need.
         return f"torch.as_tensor(state[{node.args[0]!r}], device=device)"
     if node.op == "constant":
         values, shape, dtype = node.args

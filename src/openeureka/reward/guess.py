@@ -10,9 +10,9 @@ from typing import Final
 from . import surface
 
 MISSPELT = 0.85
-"""Likeness of a function's name to a misspelling of it: functions of like names do other things."""
+"""Least similarity of a misspelt function name to the right one; high, as similar names do different things."""
 RENAMED = 0.7
-"""Of a variable's name to one that a model made up for it, such as `cart_position` of `cart_pos`."""
+"""Least similarity of a name that a model made up for a variable to its name: `cart_position` for `cart_pos`."""
 _WORD = 0.75
 _SHORTENED = 3
 """Letters of the shortest word that may stand for a longer one, as `pos` for `position`."""
@@ -30,12 +30,13 @@ _MEANT: Final = {
 }  # fmt: skip
 """Names of other libraries, and what they are called here."""
 _OTHERS = surface.words("addr erfcx glu isin logcumsumexp short")
-"""Functions of torch that are like an allowed one in name alone."""
+"""Functions of torch whose names resemble an allowed one, but which do something else."""
 _ELSEWHERE = ("torch", "torch.nn.functional", "torch.linalg")
 
 
 def instead(name: str) -> str:
-    """What is the same under another name or in another place: `torch.sigmoid` for `expit`; empty where nothing is."""
+    """An allowed function that does the same under another name or in another module: `torch.sigmoid` for `expit`.
+    Empty if there is none."""
     name = name.rstrip("_") or name
     if meant := _MEANT.get(name):
         return meant
@@ -45,7 +46,7 @@ def instead(name: str) -> str:
 
 
 def twin(path: str) -> str | None:
-    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None where it has none."""
+    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None if torch has no such function."""
     package, _, rest = path.partition(".")
     if package not in ("numpy", "math"):
         return None
@@ -54,7 +55,7 @@ def twin(path: str) -> str | None:
 
 
 def misspelt(name: str, known: Iterable[str], likeness: float) -> str:
-    """The known name that this one misspells, or shortens word by word; empty where none is."""
+    """The known name that this one misspells, or shortens word by word; empty if there is none."""
     if name in _OTHERS:
         return ""
     close = difflib.get_close_matches(name, sorted(known), n=5, cutoff=likeness)
@@ -62,12 +63,12 @@ def misspelt(name: str, known: Iterable[str], likeness: float) -> str:
 
 
 def is_earlier(name: str) -> bool:
-    """Whether a name asks for the value of a step before."""
+    """Whether a name asks for the value of an earlier step."""
     return not _EARLIER.isdisjoint(name.split("_"))
 
 
 def _alike(a: str, b: str) -> bool:
-    """Whether no word or number tells two names apart: `goal1` is not `goal2`, nor `prev_actions` `actions`."""
+    """Whether two names agree in every word and number. `goal1` and `goal2` do not, nor `prev_pos` and `pos`."""
     if a[0] != b[0] or re.findall(r"\d+", a) != re.findall(r"\d+", b):
         return False
     words = a.split("_"), b.split("_")
@@ -75,7 +76,7 @@ def _alike(a: str, b: str) -> bool:
 
 
 def _is_one(a: str, b: str) -> bool:
-    """Whether two words are one, misspelt or shortened."""
+    """Whether one of two words is a misspelling or a short form of the other."""
     short, long = sorted((a, b), key=len)
     shortened = len(short) >= _SHORTENED and long.startswith(short)
     return shortened or difflib.SequenceMatcher(None, a, b).ratio() >= _WORD

@@ -23,7 +23,7 @@ Runner = Callable[[Mapping[str, Any]], object]
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
     product = x1 * x2
-    if x1.shape != x2.shape:  # torch's own counts `dim` in the shape of both
+    if x1.shape != x2.shape:  # as in torch's own, `dim` counts in the common shape
         x1, x2 = x1.expand_as(product), x2.expand_as(product)
     lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
     return product.sum(dim=dim) / lengths
@@ -50,13 +50,13 @@ def _count_nonzero(input: Tensor, dim: int | tuple[int, ...] | None = None) -> T
 
 
 def _tensor(data: Any, **options: Any) -> Tensor:
-    """`torch.tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
+    """`torch.tensor` that stacks lists of tensors. torch's own reads out their numbers, which tracing cannot see."""
     if isinstance(data, Tensor):
         return torch.as_tensor(data, **options).clone()
     return tensor_of(data, **options) if holds_tensor(data) else torch.tensor(data, **options)
 
 
-# torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
+# torch's own write in place below the level that tracing sees, read numbers out, or return uninitialised memory.
 _REPLACED = {
     "cdist": _cdist,
     "clamp": _clamp,
@@ -105,7 +105,7 @@ def _cpu(*_: object) -> torch.device:
 
 
 def _modules() -> SimpleNamespace:
-    """Stand-ins that hold the allowed names and nothing else, so that a slip of the gate finds no `torch.os`."""
+    """Stand-ins that hold the allowed names and nothing else: what slips through the gate finds no `torch.os`."""
     offered = _namespace("torch", torch)
     offered.nn = SimpleNamespace(functional=_namespace("torch.nn.functional", torch.nn.functional))
     offered.linalg = _namespace("torch.linalg", torch.linalg)

@@ -1,4 +1,4 @@
-"""Rotation and vector helpers that reward programs of this kind call, under the names the field uses.
+"""Rotation and vector helpers for reward programs, under the names of Isaac Gym and IsaacGymEnvs.
 
 Quaternions are (x, y, z, w), batched in the leading dimensions. Formulas: Diebel, "Representing attitude" (2006), with
 the conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 pi)). All functions are pure.
@@ -22,14 +22,14 @@ def to_torch(x: object, dtype: torch.dtype = torch.float, device: object = None,
 
 
 def tensor_of(data: Any, **options: Any) -> Tensor:
-    """`torch.as_tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
+    """`torch.as_tensor` that stacks lists of tensors. torch's own reads out their numbers, which tracing cannot see."""
     if isinstance(data, list | tuple) and holds_tensor(cast(object, data)):
         return torch.stack([tensor_of(part, **options) for part in cast(Sequence[object], data)])
     return torch.as_tensor(data, **options)
 
 
 def holds_tensor(data: object) -> bool:
-    """Whether it is a tensor, or a list with one in it."""
+    """Whether `data` is a tensor, or a list or tuple with a tensor in it at any depth."""
     if isinstance(data, list | tuple):
         return any(map(holds_tensor, cast(Sequence[object], data)))
     return isinstance(data, Tensor)
@@ -84,7 +84,7 @@ def unscale(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     return (2.0 * x - upper - lower) / (upper - lower)
 
 
-# The field's names: its transforms go the other way.
+# IsaacGymEnvs' `scale_transform` maps to [-1, 1], as `unscale` does, and its `unscale_transform` maps back.
 unscale_np = scale_transform = unscale
 unscale_transform = scale
 
@@ -92,7 +92,7 @@ unscale_transform = scale
 def get_axis_params(
     value: float, axis_idx: int, x_value: float = 0.0, dtype: type = float, n_dims: int = 3
 ) -> list[float]:
-    """Numbers of a vector that is `value` along one axis; its first is `x_value` whatever the axis."""
+    """A vector with `value` at `axis_idx` and 0 elsewhere, but its first number is always `x_value`."""
     params = [dtype(value) if axis == axis_idx else dtype(0) for axis in range(n_dims)]
     params[0] = dtype(x_value)
     return params
@@ -126,7 +126,7 @@ def quat_apply(a: Tensor, b: Tensor) -> Tensor:
 
 
 def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
-    """Rotate vectors v by q. As `quat_apply` for unit quaternions; of others, the form that the environments use."""
+    """Rotate vectors v by q. Same as `quat_apply` for unit quaternions; for others, as Isaac Gym's `quat_rotate`."""
     vec, v = _broadcast(q[..., :3], v)
     w = q[..., 3:]
     along = (vec * v).sum(dim=-1, keepdim=True)
@@ -137,7 +137,7 @@ my_quat_rotate = get_basis_vector = quat_rotate
 
 
 def quat_rotate_inverse(q: Tensor, v: Tensor) -> Tensor:
-    """Vectors v in the frame that q rotates to."""
+    """Rotate vectors v by the inverse of q: from the world frame into the frame of a body with orientation q."""
     return quat_rotate(quat_conjugate(q), v)
 
 
@@ -168,7 +168,7 @@ def quat_to_tan_norm(q: Tensor) -> Tensor:
 
 
 def slerp(q0: Tensor, q1: Tensor, t: Tensor) -> Tensor:
-    """Shortest spherical interpolation; t has a trailing dimension of 1."""
+    """Spherical interpolation along the shorter arc; t has a trailing dimension of 1."""
     cosine = (q0 * q1).sum(dim=-1, keepdim=True)
     q1 = torch.where(cosine < 0, -q1, q1)
     cosine = cosine.abs().clamp(max=1.0)
@@ -253,7 +253,7 @@ def exp_map_to_quat(exp_map: Tensor) -> Tensor:
     return quat_from_angle_axis(*exp_map_to_angle_axis(exp_map))
 
 
-# --- rotation matrices: the one place where the field's helpers take the real part first (w, x, y, z) ----------------
+# --- rotation matrices: here, and only here, the real part of a quaternion comes first (w, x, y, z) ------------------
 
 
 def quaternion_to_matrix(quaternions: Tensor) -> Tensor:

@@ -1,8 +1,8 @@
-"""From the ways people write reward programs to one plain form: functions and literal constants, nothing else.
+"""Brings reward programs, however written, to one plain form: functions and literal constants, nothing else.
 
-Imports become a table of names; decorators, annotations, docstrings, prints, examples of use and `device=` vanish.
-Line numbers stay those of the author. What cannot be brought to that form becomes a finding; whether the rest is
-allowed is for `gate`.
+Imports become a table of names; decorators, annotations, docstrings, prints, examples of use and `device=` are dropped.
+Line numbers stay those of the source. What cannot be brought to that form becomes a finding; `rules` says whether the
+rest is allowed.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ IGNORED_PACKAGES = frozenset({"typing", "typing_extensions", "__future__", "isaa
 SHORT_NAMES = {"torch": "torch", "math": "math", "np": "numpy", "F": "torch.nn.functional", "nn": "torch.nn"}
 """Bound in every program, imported or not."""
 ACTORS, ROWS = "root_state_tensor", "_indices"
-"""A tensor whose rows were the actors of all worlds, and what names ended with that picked one of every world."""
+"""Isaac Gym's tensor whose rows are the actors of all worlds, and how names end that pick one actor of each world."""
 _ANNOTATION_NODES = (
     ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
 )  # fmt: skip
 
 DEVICES = ("torch.cuda", "torch.backends", "torch.device")
 LEAVE_OUT = "leave it out: a reward runs where its inputs are"
-"""The advice on what chooses a device."""
+"""The advice on code that chooses a device."""
 _PATHS = frozenset({*surface.MODULES, *surface.PACKAGES, *DROPPED_DECORATORS})
-"""What may be imported by itself."""
+"""Modules, packages and decorators that may be imported as such."""
 _EXAMPLES = (ast.Expr, ast.Assign, ast.AnnAssign, ast.Assert, ast.If, ast.For, ast.While, ast.With, ast.Try)
-"""What an example of use is made of."""
+"""Statements that an example of use is made of."""
 
 _Function = TypeVar("_Function", ast.FunctionDef, ast.Lambda)
 
@@ -54,9 +54,9 @@ class Draft:
     constants: frozenset[str]
     """Names of module-level literals."""
     ignored: Mapping[str, str]
-    """Name to dotted path, for imports of which nothing is there."""
+    """Name to dotted path, for imports that are accepted but give nothing."""
     refused: frozenset[str]
-    """Names that a finding is about already: that they are used is none of its own."""
+    """Names that a finding is about already: their use is no further finding."""
 
     @property
     def method(self) -> bool:
@@ -65,7 +65,7 @@ class Draft:
 
 
 def entry_name(functions: Iterable[str]) -> str:
-    """Which of a program's functions is the reward: the one of an asked name, else the last.
+    """Which of a program's functions is the reward: the first of `ENTRY_NAMES` that it has, else its last function.
 
     Args:
         functions: one or more names, in the order of the program.
@@ -92,7 +92,7 @@ def _own_functions(tree: ast.Module) -> Iterator[str]:
 
 
 def _named(target: ast.expr, value: ast.expr) -> dict[str, ast.expr] | None:
-    """What `A` or `A, B` is assigned, by name; None where it is neither, or has another number of values."""
+    """The values assigned to `A` or `A, B`, by name; None for other targets, or if the numbers of both differ."""
     match target, value:
         case ast.Name(id=name), _:
             return {name: value}
@@ -105,10 +105,10 @@ def _named(target: ast.expr, value: ast.expr) -> dict[str, ast.expr] | None:
 
 
 class Normaliser(ast.NodeTransformer):
-    """Builds a `Draft`; `findings` says why where it cannot.
+    """Builds a `Draft`; if it cannot, `findings` says why.
 
     Args:
-        inputs: names that are read from the state, whatever an example of use calls so.
+        inputs: names that are read from the state, even if an example of use assigns to them.
     """
 
     def __init__(self, inputs: Set[str]) -> None:
@@ -175,7 +175,7 @@ class Normaliser(ast.NodeTransformer):
             if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
                 return plain
         if after and isinstance(node, _EXAMPLES):
-            return None  # below the last function, where nothing runs it
+            return None  # below the last function: an example of use
         self._refused |= stored(node)
         chooses = any((self._path(part) or "").startswith(DEVICES) for part in ast.walk(node))
         message = "only imports, functions and literal constants may stand outside a function"
@@ -200,7 +200,7 @@ class Normaliser(ast.NodeTransformer):
         return Folder(self.names, self.constants).visit(node)
 
     def _fold_defaults(self, node: ast.FunctionDef) -> None:
-        """Of a function at module level alone: within one, a name may be a local variable's."""
+        """For functions at module level only: inside a function, a name may be a local variable."""
         arguments = node.args
         arguments.defaults = [self._folded(default) for default in arguments.defaults]
         arguments.kw_defaults = [default and self._folded(default) for default in arguments.kw_defaults]
@@ -330,7 +330,7 @@ class Normaliser(ast.NodeTransformer):
             first = first.func.value
         picked = (dotted(first) or "").endswith(ROWS)
         if picked and (dotted(node.value) or "").rpartition(".")[2] == ACTORS:
-            # The worlds are an axis of their own here, before that of the actors.
+            # Here the worlds have their own axis, before that of the actors.
             worlds = ast.copy_location(ast.Slice(), first)
             node.slice = ast.copy_location(ast.Tuple([worlds, first, *rest], ast.Load()), node.slice)
         return node

@@ -1,4 +1,4 @@
-"""What of a reward text are places and sizes: no number there weighs, and another one breaks the program."""
+"""Indices and sizes in a reward program: a number there is no weight, and changing it breaks the program."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ _MADE = surface.words("arange empty expand eye int linspace new_full new_ones ne
 _OF_TENSOR = surface.words("""
     chunk full_like gather narrow permute repeat reshape roll select split tile unflatten
 """)
-"""Those that begin with a tensor where they are called as `torch.NAME`."""
+"""Functions whose first argument is a tensor when they are called as `torch.NAME`."""
 SIZED = _MADE | _OF_TENSOR
-"""Functions whose arguments are sizes, places and counts."""
+"""Functions whose arguments are sizes, indices and counts."""
 _CHOOSING = surface.words("""
     argmax argmin argsort bucketize count_nonzero dim int len long nonzero numel searchsorted size sort topk
 """)
-"""Functions that make whole numbers of any others."""
+"""Functions that turn any numbers into whole numbers."""
 
 Flow = tuple[str, ast.expr]
-"""A name and what it may stand for: what it is assigned to, loops over, is called with, or returns."""
+"""A name and an expression that may give its value: assigned to it, looped over, passed as it, or returned by it."""
 
 
 def function(call: ast.Call) -> str:
-    """The last part of what is called."""
+    """The last part of the name that is called: `zeros` for `torch.zeros(3)`."""
     return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
 
 
 def names(node: ast.AST) -> Iterator[str]:
-    """Names that sizes and places in this one node, without its parts, are computed from."""
+    """Names from which the indices and sizes of this node itself, not of its parts, are computed."""
     match node:
         case ast.Subscript(slice=place):
             yield from _named(place)
@@ -43,11 +43,11 @@ def names(node: ast.AST) -> Iterator[str]:
 
 
 def whole(functions: Sequence[ast.FunctionDef], constants: Iterable[ast.stmt]) -> set[ast.AST]:
-    """The whole numbers that places and sizes are computed from, through however many names.
+    """The whole numbers from which indices and sizes are computed, through any chain of names.
 
     Args:
-        functions: those that a reward reaches.
-        constants: what stands above them.
+        functions: the reward function and all that it calls.
+        constants: the statements outside of functions.
     """
     trees = [*functions, *constants]
     flows: dict[str, list[ast.expr]] = {}
@@ -63,7 +63,7 @@ def whole(functions: Sequence[ast.FunctionDef], constants: Iterable[ast.stmt]) -
 
 
 def _named(place: ast.expr) -> Iterator[str]:
-    """Names in it, those of functions that it calls among them."""
+    """Names in an expression, including functions that it calls."""
     for node in _parts(place):
         if isinstance(node, ast.Name):
             yield node.id
@@ -72,8 +72,9 @@ def _named(place: ast.expr) -> Iterator[str]:
 
 
 def _parts(place: ast.expr) -> Iterator[ast.AST]:
-    """All of it but what may be any number: operands of a comparison, as in `x[height < LOW]`, what is chosen from or
-    cut to whole numbers, tensors whose shape is asked for, and what stands in a dict, which is looped over by its keys.
+    """The nodes of an expression, except those that may be any number: operands of a comparison, as in
+    `x[height < LOW]`; arguments of functions that choose or round to whole numbers; tensors of which an attribute such
+    as the shape is read; and a dict, because a loop goes over its keys.
     """
     todo: list[ast.AST] = [place]
     while todo:
@@ -120,7 +121,7 @@ def _flows(functions: Sequence[ast.FunctionDef], trees: Iterable[ast.AST]) -> It
 
 
 def _assigned(target: ast.expr, value: ast.expr) -> Iterator[Flow]:
-    """Of several targets each its own value, where both are written so."""
+    """Each target with its own value, if both are written as tuples; else each name with the whole value."""
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
         for part, own in zip(target.elts, value.elts, strict=True):
             yield from _assigned(part, own)
@@ -129,5 +130,5 @@ def _assigned(target: ast.expr, value: ast.expr) -> Iterator[Flow]:
 
 
 def _base(called: ast.expr) -> str:
-    """The name that an attribute is asked of; empty for any other expression."""
+    """`x` for the expression `x.name`; empty for any other expression."""
     return called.value.id if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) else ""

@@ -22,16 +22,16 @@ from .trace import Guard, Outputs, Refused, Tracer, branch, refuse_sizes, trace,
 from .validate import COMPONENT_NAME, GraphError, validate
 
 TRACE_SIZES = (61, 89)
-"""Two world counts that no program writes by chance."""
+"""Two numbers of worlds that no program contains by chance."""
 MAX_ERROR = 400
-"""Letters of what Python or torch says: torch lists on further lines what a function takes."""
+"""Characters kept of an error message: torch adds lines on what a function takes."""
 RESULT_RULES = ("returns", "shape", "dtype", "components", "nondeterminism", "constant-reward", "magnitude")
-"""Rules about what a program returns, whichever line made it: their line is that of the `return`."""
+"""Rules about the result as a whole. Their findings name the line of the `return`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Traced:
-    """What a program became. `lines` holds the program's line for each node, for messages about the graph."""
+    """The graph of a program. `lines` holds the program's line for each node, for messages about the graph."""
 
     graph: RewardGraph
     lines: tuple[int | None, ...]
@@ -45,7 +45,7 @@ _SCALAR_READS = (
     "only one element tensors can be converted",
     "only integer tensors of a single",
 )
-"""torch's own words for a branch on many worlds at once."""
+"""How torch's messages begin where a program branches on many worlds at once."""
 
 
 def _run(run: Runner, state: Mapping[str, Any]) -> object:
@@ -116,7 +116,7 @@ def _component(name: str, value: object, num_worlds: int) -> Tensor | float:
         raise Refused("shape", f"component `{name}` is empty", "use a tensor of shape (N,) or a number")
     if value.shape in ((num_worlds,), ()):
         return value
-    # A record only, so a term per joint or finger is as good as their mean: the curve that it gives is the same.
+    # A component is only recorded, so one value per joint or finger may become their mean: the curve is the same.
     per_world = value.shape[0] == num_worlds
     return value.float().flatten(1 if per_world else 0).mean(dim=-1)
 
@@ -168,7 +168,7 @@ def _tensors(state: Mapping[str, Any]) -> dict[str, Tensor]:
 
 
 def _watched(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> Outputs:
-    """The program's outputs on all recorded states, refused if it edits them, draws numbers or reads values."""
+    """The program's outputs on all recorded states. Raises Refused if it edits them, draws numbers or reads values."""
     state = _state(recorded, spec, worlds)
     guard = Guard(_tensors(state))
     with torch.no_grad(), guard:
@@ -208,7 +208,7 @@ def _traced(tracer: Tracer, run: Runner, spec: StateSpec, recorded: Recorded, wo
 
 
 def _unified(run: Runner, spec: StateSpec, recorded: Recorded) -> tuple[RewardGraph, list[int | None]]:
-    """One graph of traces of two sizes among different worlds, and the program's line for each node."""
+    """One graph from traces of two sizes on different worlds, and the program's line for each node."""
     small, large = TRACE_SIZES
     tracer, worlds = Tracer(small), _paired(0, small)
     one = _traced(tracer, run, spec, recorded, worlds)
@@ -222,7 +222,7 @@ def _unified(run: Runner, spec: StateSpec, recorded: Recorded) -> tuple[RewardGr
 
 
 def _paired(first: int, count: int) -> list[int]:
-    """Worlds, each at least twice: where a mask picks a single one, torch computes `x[mask] = y` in another way."""
+    """Indices of worlds, each at least twice: if a mask picks a single one, torch computes `x[mask] = y` otherwise."""
     return [first + min(place, count - 2) // 2 for place in range(count)]
 
 

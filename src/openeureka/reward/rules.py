@@ -1,4 +1,4 @@
-"""What a reward program may say: one walk over its plain form, against the allow-lists of `surface`."""
+"""Which syntax and names a reward program may use: one walk over its plain form, against the lists of `surface`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .syntax import MAX_INT, Scope, bound, defaults, dotted, identifiers, reboun
 
 MAX_RANGE = 1_000
 MAX_GUESSED = 40
-"""Letters of a name that a guess is offered for."""
+"""Letters of the longest name for which a guess is made."""
 MAX_GUESSES = 20
-"""In one program."""
+"""Guesses made for one program."""
 MAX_KNOWN = 100
-"""Names of a program that a guess may be of."""
+"""Names of the program itself that a guess may offer."""
 IMPLICIT = ("num_envs", "device")
 """Readable in every task, whether or not its table lists them."""
 
@@ -53,7 +53,7 @@ _FORMS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Yield: _YIELD,
     ast.YieldFrom: _YIELD,
 }
-"""What an author calls it, and what to write instead."""
+"""What an author calls a refused node, and what to write instead."""
 _OTHERWISE = "write it with other operations"
 _EARLIER = "values of earlier steps are not available"
 _INSTEAD = {
@@ -79,10 +79,10 @@ class Rules(ast.NodeVisitor):
         self.inputs: dict[str, None] = {}
         self.arguments: dict[str, None] = {}
         self._locals: frozenset[str] = frozenset()
-        """Names bound in the function that is visited or, for functions in it, around it."""
+        """Names bound in the function that is being visited and in the functions around it."""
         self._protected: frozenset[str] = frozenset()
         self._remembered: frozenset[str] = frozenset()
-        """Arguments whose default is a list or a dict: one for all calls."""
+        """Arguments whose default is a list or a dict, which all calls share."""
         self._guesses = MAX_GUESSES
 
     def run(self) -> None:
@@ -98,9 +98,9 @@ class Rules(ast.NodeVisitor):
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     def _guess(self, name: str, known: Iterable[str], likeness: float = guess.MISSPELT) -> str:
-        """`did you mean X?`, or nothing.
+        """`did you mean X?`, or an empty text.
 
-        Each takes a millisecond or more, and a text may hold thousands of unknown names of thousands of letters.
+        Guesses are limited: each takes a millisecond or more, and a program may hold thousands of long unknown names.
         """
         if len(name) > MAX_GUESSED or self._guesses == 0:
             return ""
@@ -264,7 +264,7 @@ class Rules(ast.NodeVisitor):
     def _visit_scope(self, node: Scope) -> None:
         if isinstance(node, ast.FunctionDef | ast.Lambda):
             for default in filter(None, (*node.args.defaults, *node.args.kw_defaults)):
-                self.visit(default)  # `i=i` names the one outside
+                self.visit(default)  # in `i=i`, the default is the outer `i`
         outer = self._locals, self._remembered
         self._locals, self._remembered = self._locals | bound(node), self._remembered - bound(node) | _mutable(node)
         self.generic_visit(node)
@@ -328,7 +328,7 @@ class Rules(ast.NodeVisitor):
         self.generic_visit(node)
 
     def _expect_no_memory(self, changed: ast.AST, node: ast.AST) -> None:
-        """What is changed must be made anew in each call: a graph would keep the value of one call for ever."""
+        """Refuse to change a value that outlives a call: a graph would keep the value of one call for ever."""
         whole = _whole(changed)
         name = whole.id if isinstance(whole, ast.Name) else ""
         if name in self._remembered or (name in self.draft.constants and name not in self._locals):
@@ -346,7 +346,7 @@ class Rules(ast.NodeVisitor):
 
 
 def _whole(node: ast.AST) -> ast.AST:
-    """What `x`, `x[...]` and `x[...][...]` are, or are a part of."""
+    """An expression without its subscripts: `x` for each of `x`, `x[...]` and `x[...][...]`."""
     while isinstance(node, ast.Subscript):
         node = node.value
     return node

@@ -20,7 +20,7 @@ def world_count(recorded: Recorded, spec: StateSpec) -> int:
 
 
 def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) -> dict[str, Any]:
-    """Copies of the states of some worlds, repeated where there are too few."""
+    """Copies of the states of some worlds. Indices beyond the recorded worlds wrap around."""
     count = world_count(recorded, spec)
     index = torch.as_tensor(worlds) % count
     values: dict[str, Any] = {}
@@ -36,6 +36,6 @@ def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) ->
 
 
 def only(recorded: Recorded, spec: StateSpec, names: Sequence[str]) -> Recorded:
-    """The named variables, and one per-world variable in any case: it says how many worlds there are."""
+    """The named variables, plus one per-world variable, from which the number of worlds is read."""
     world = spec.per_world[0]
     return {name: value for name, value in recorded.items() if name in names or name == world}

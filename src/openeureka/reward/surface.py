@@ -1,4 +1,4 @@
-"""What a reward program may name: plain data, rendered into prompts and enforced by the gate and the graph.
+"""The names that a reward program may use: plain data, rendered into prompts and enforced by the gate and the graph.
 
 An allow-list, never a deny-list: the real `torch` module carries `os`, `sys` and `ctypes` as ordinary attributes.
 """
@@ -7,12 +7,12 @@ from __future__ import annotations
 
 
 def words(text: str) -> frozenset[str]:
-    """A set written as text."""
+    """The words of a text as a set."""
     return frozenset(text.split())
 
 
 MAX_COMPONENTS = 16
-"""Terms that a program may return beside the reward."""
+"""Components that a program may return besides the reward."""
 DTYPES = words("float float16 float32 float64 half double int int32 int64 long bool bfloat16")
 
 TORCH = DTYPES | words("""
@@ -36,7 +36,7 @@ ALSO_TORCH = words("""
     positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vsplit
     xlogy
 """)
-"""Accepted, and left out of prompts to keep them short; `empty` is zeros."""
+"""Accepted, but left out of prompts to keep them short; `empty` gives zeros."""
 
 FUNCTIONAL = words("""
     cosine_similarity elu gelu hardsigmoid hardtanh huber_loss l1_loss leaky_relu log_softmax logsigmoid
@@ -107,10 +107,10 @@ HELPERS = words("""
     scale scale_transform slerp tensor_clamp tf_apply tf_combine tf_inverse tf_vector to_torch unscale
     unscale_transform wrap_to_pi
 """)
-"""Quaternion and vector helpers of environments of this kind; `reward.math` implements them, x, y, z, w."""
+"""Quaternion and vector helpers of Isaac Gym's environments, implemented in `reward.math`; quaternions are xyzw."""
 
 ALL_HELPERS = HELPERS | words("euler_xyz_to_exp_map matrix_to_quaternion quaternion_to_matrix unscale_np")
-"""With those left out of prompts: the quaternions of the matrix functions are w, x, y, z there and here."""
+"""The helpers, and those left out of prompts: the matrix functions take quaternions w, x, y, z, there and here."""
 
 HELPERS_PATH = "isaacgym.torch_utils"
 HELPER_MODULES = words("""

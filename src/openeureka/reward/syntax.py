@@ -1,4 +1,4 @@
-"""Questions to a piece of a program: which names it says and binds, how it reads, and what its numbers come to."""
+"""Questions about a syntax tree: which names it uses and binds, how it reads, and what its numbers come to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from . import surface
 
 MAX_INT = 2**63
 MAX_REPEATED = 100
-"""Numbers, and lists of none, in a list that `[0.1] * 8` comes to."""
+"""Most numbers and empty lists in the result of a repetition such as `[0.1] * 8`."""
 Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
 SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
 
@@ -44,7 +44,7 @@ def identifiers(node: ast.AST) -> Iterator[str]:
 
 
 def bound(node: Scope) -> set[str]:
-    """Names bound in a function, lambda or comprehension itself, and not in those within it."""
+    """Names bound in a function, lambda or comprehension itself, not in those nested in it."""
     names: set[str] = set()
     if isinstance(node, ast.FunctionDef | ast.Lambda):
         arguments = node.args
@@ -64,19 +64,19 @@ def bound(node: Scope) -> set[str]:
 
 
 def stored(node: ast.AST) -> set[str]:
-    """Names that it gives a value anywhere in it."""
+    """Names that are assigned anywhere in a node."""
     names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
     return {name.id for name in names if isinstance(name.ctx, ast.Store)}
 
 
 def rebound(function: ast.FunctionDef) -> set[str]:
-    """Names given a new value by a plain assignment; the probe judges edits of these."""
+    """Names given a new value by a plain assignment. In-place edits of these are left to the probe to judge."""
     assigned = (node for node in ast.walk(function) if isinstance(node, ast.Assign))
     return {name for node in assigned for target in node.targets for name in stored(target)}
 
 
 def defaults(function: ast.FunctionDef | ast.Lambda) -> Iterator[tuple[ast.arg, ast.expr]]:
-    """The arguments that have a default, each with it."""
+    """The arguments that have a default, each with its default."""
     arguments = function.args
     yield from zip(reversed(arguments.args), reversed(arguments.defaults), strict=False)
     for argument, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True):
@@ -90,7 +90,7 @@ Number = int | float
 
 
 def _power(a: Number, b: Number) -> Number:
-    """In floats where it is large: a power of integers could fill the memory."""
+    """a ** b, in floats if it is large: a power of integers could fill the memory."""
     if isinstance(a, int) and isinstance(b, int) and abs(a) <= 2**31 and 0 <= b <= 63 and abs(a**b) <= MAX_INT:
         return a**b
     return math.pow(a, b)
@@ -177,14 +177,14 @@ def _number(node: ast.expr) -> Number | None:
 
 
 def _repeated(node: ast.expr, times: Number | None) -> ast.expr | None:
-    """A list or tuple of numbers, or of such lists, several times: `[0.1] * 8`; None where it is none, or is long."""
+    """A list or tuple of numbers, or of such lists, repeated: `[0.1] * 8`. None for any other, or a long result."""
     if not isinstance(node, ast.List | ast.Tuple) or not isinstance(times, int) or _length(node) * times > MAX_REPEATED:
         return None
     return ast.copy_location(type(node)(node.elts * times, ast.Load()), node)
 
 
 def _length(node: ast.expr) -> float:
-    """Numbers and empty lists in lists of them; infinite where there is anything else."""
+    """How many numbers and empty lists a nested list holds; infinite if it holds anything else."""
     if isinstance(node, ast.List | ast.Tuple):
         return max(1, sum(map(_length, node.elts)))
     return math.inf if _number(node) is None else 1

@@ -1,4 +1,4 @@
-"""Watches a reward program run: `Guard` stops it at the first forbidden thing, `Tracer` writes the operations down."""
+"""Watches a reward program run: `Guard` stops it at the first forbidden operation, `Tracer` records the operations."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from .gate import FILENAME
 from .validate import MAX_CONSTANT, IntegerDivision, needed, references, refuse_truncation
 
 MAX_OPERATIONS = 20_000
-"""Of one run, before what no output needs is dropped."""
+"""Operations of one run, including those that no output needs."""
 
 _READS = surface.words("""
     equal nonzero nonzero_static masked_select _unique _unique2 unique_dim unique_consecutive bincount
 """)
 _READS_A_NUMBER = "_local_scalar_dense"
-"""What `float()`, `if` and torch itself call; fine on numbers that do not come from the state, which `Tracer` knows."""
+"""`float()`, `if` and torch itself call it. It is fine on numbers not from the state, of which `Tracer` keeps track."""
 _SELECTS = "index.Tensor"
 _MASKED = (_SELECTS, "index_put.default")
 _LEFT, _RIGHT = ("<<", "write `a * 2**b`"), (">>", "write `a // 2**b`")
@@ -80,7 +80,7 @@ class Guard(Mode):
         super().__init__()
         self._owner = {tensor.untyped_storage().data_ptr(): name for name, tensor in inputs.items()}
         self.refusal: Refused | None = None
-        """The first one; kept because a program could catch the exception."""
+        """The first refusal; kept because a program could catch the exception."""
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
@@ -125,11 +125,11 @@ def _judge(func: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
 
 
 class Tracer(Mode):
-    """Writes every operation below autograd down as a graph node.
+    """Records every operation below autograd as a graph node.
 
     Args:
-        worlds: N, by which a mask that picks worlds is known.
-        every: let each such mask pick all (True) or nothing (False), whatever it holds.
+        worlds: N. A boolean mask with an axis of this length counts as one that picks worlds.
+        every: make each such mask pick all (True) or nothing (False), whatever its values; None leaves masks alone.
     """
 
     def __init__(self, worlds: int, every: bool | None = None) -> None:
@@ -138,7 +138,7 @@ class Tracer(Mode):
         self.nodes: list[Node] = []
         self.lines: list[int | None] = []
         self.selections: list[int] = []
-        """Nodes with as many elements as a mask picks."""
+        """Nodes that hold the elements which a mask picks."""
         self._of_state: set[int] = set()
         """Nodes whose values come from the inputs."""
         self._index: dict[int, int] = {}
@@ -159,7 +159,7 @@ class Tracer(Mode):
         self._alive.append(tensor)
 
     def index(self, value: Tensor | float) -> int:
-        """The node that holds a value; a tensor that no operation made is a constant."""
+        """The node that holds a value; a tensor that no operation made becomes a constant."""
         if not isinstance(value, Tensor):
             return self.add("full.default", ((), float(value)))
         known = self._index.get(id(value))
@@ -191,9 +191,9 @@ class Tracer(Mode):
         written = args
         if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
             op, written = _squeeze(args)
-        if op == "_reshape_alias.default":  # takes strides, which nothing checks: a forged one reads any memory
+        if op == "_reshape_alias.default":  # its strides are unchecked: forged ones read any memory
             op, written = "reshape.default", args[:2]
-        if op == "zero.default":  # in place, as `zero_`, is the only form that torch offers
+        if op == "zero.default":  # a functionalised `zero_`, which torch offers in place only
             op = "zeros_like.default"
         if op not in surface.ATEN:
             spelt, fix = _SHIFTS.get(op.partition(".")[0], (op, "write it with simpler tensor operations"))
@@ -211,7 +211,7 @@ class Tracer(Mode):
         return result
 
     def _picking(self, op: str, node: int, indices: Sequence[Tensor | None]) -> Sequence[Tensor | None]:
-        """Indices, with the masks among them as this trace wants them."""
+        """The indices, with masks over worlds replaced as `every` says."""
         if op == _SELECTS and any(map(self._is_mask, indices)):
             self.selections.append(node)
         every = self._every
@@ -220,7 +220,7 @@ class Tracer(Mode):
         return [torch.full_like(index, every) if self._is_mask(index) else index for index in indices]
 
     def _is_mask(self, index: Tensor | None) -> TypeGuard[Tensor]:
-        """Whether it picks by the state of worlds; what constants of the task pick is always the same."""
+        """Whether an index is a mask over worlds that depends on the state. What constants pick never changes."""
         return (
             index is not None
             and index.dtype == torch.bool
@@ -257,7 +257,7 @@ def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
 
 
 class _Pure(TorchFunctionMode):
-    """Calls in-place methods that torch cannot make pure by the names of those that it can."""
+    """Replaces in-place methods that torch cannot functionalise by equivalent ones that it can."""
 
     def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         return _PURE.get(func, func)(*args, **(kwargs or {}))
@@ -267,9 +267,9 @@ Outputs = tuple[Tensor, Mapping[str, Tensor | float]]
 
 
 def trace(tracer: Tracer, run: Callable[[Mapping[str, Tensor]], Outputs], inputs: Mapping[str, Tensor]) -> RewardGraph:
-    """The operations of one run as a graph of that size.
+    """The operations of one run as a graph for the run's number of worlds.
 
-    Edits of fresh tensors become pure operations (functionalisation).
+    In-place edits of tensors that the program made become pure operations (functionalisation).
     """
     for name, tensor in inputs.items():
         tracer.name(tensor, tracer.add("input", (name,)))
@@ -290,10 +290,12 @@ def trace(tracer: Tracer, run: Callable[[Mapping[str, Tensor]], Outputs], inputs
 
 
 def refuse_sizes(seen: Tracer, graph: RewardGraph, forced: Tracer, other: RewardGraph | None) -> None:
-    """Raises Refused where the graph of a trace is another once its masks pick all or nothing.
+    """Raises Refused where the graph changes once its masks are forced to pick all or nothing.
 
     Args:
-        other: what the forced trace came to; None where the program failed on its way, as `max()` of nothing does.
+        seen: the tracer that recorded `graph`.
+        forced: the tracer with forced masks, which recorded `other`.
+        other: None where the program failed with forced masks, as `max()` of an empty tensor does.
     """
     kept = needed(graph, graph.reward, *(index for _, index in graph.components))
     pairs = enumerate(zip(seen.nodes, forced.nodes, strict=False))
@@ -312,8 +314,8 @@ def refuse_sizes(seen: Tracer, graph: RewardGraph, forced: Tracer, other: Reward
 
 
 def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:
-    """One graph for any number of worlds, from traces of two sizes; integers that grow with N become `{"n": k}`. Raises
-    Refused where the traces differ in another way."""
+    """One graph for any number of worlds, from traces with two numbers of worlds. An integer that is k times the number
+    of worlds in both becomes `{"n": k}`. Raises Refused where the traces differ in any other way."""
     nodes: list[Node] = []
     for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
         if left.op != right.op or left.kwargs.keys() != right.kwargs.keys() or len(left.args) != len(right.args):

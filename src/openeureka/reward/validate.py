@@ -1,4 +1,4 @@
-"""What may stand in a reward graph: operations off an allow-list, called as their own schema says, within bounds.
+"""What a reward graph may contain: operations of an allow-list, called as torch's schemas say, within bounds.
 
 A graph may come from a confined child, a file or a store, so nothing about it is trusted. Shapes and values are for
 `examine`: this module runs nothing.
@@ -54,8 +54,8 @@ def operation(op: str) -> Callable[..., Any]:
 def refuse_truncation(dividend: Any, divisor: Any, rounding_mode: str | None) -> None:
     """Raises IntegerDivision where integers would be divided and truncated.
 
-    The least integer by -1 has no quotient, and the processor ends the process: alone among the operations on the list,
-    and for a quotient that rounds down torch looks first.
+    The least integer divided by -1 overflows, and the processor then ends the process. No other allowed operation can
+    do that: where a quotient is rounded down, torch checks first.
     """
     exact = (value.is_floating_point() if isinstance(value, torch.Tensor) else isinstance(value, float)
              for value in (dividend, divisor))  # fmt: skip
@@ -64,7 +64,7 @@ def refuse_truncation(dividend: Any, divisor: Any, rounding_mode: str | None) ->
 
 
 def parts(arg: Arg) -> tuple[Part, ...]:
-    """An argument as the values that it holds."""
+    """The values in an argument, which may itself be one."""
     return arg if isinstance(arg, tuple) else (arg,)
 
 
@@ -85,7 +85,7 @@ def references(node: Node) -> tuple[int, ...]:
 
 
 def needed(graph: RewardGraph, *outputs: int) -> set[int]:
-    """The nodes that these depend on, and they themselves."""
+    """Indices of the given nodes and of all nodes that they depend on."""
     found = set(outputs)
     for index in reversed(range(len(graph.nodes))):
         if index in found:
@@ -173,7 +173,7 @@ def _validate_call(node: Node) -> None:
 
 @functools.cache
 def _parameters(op: str) -> dict[str, _Parameter]:
-    """What an operation takes, in order, from the schema that torch itself goes by."""
+    """The parameters of an operation, in order, from torch's own schema."""
     schema: Any = operation(op)._schema  # pyright: ignore[reportFunctionMemberAccess]
     return {
         argument.name: _Parameter(
@@ -186,7 +186,7 @@ def _parameters(op: str) -> dict[str, _Parameter]:
 
 
 def _acceptor(name: str, kind: str) -> Callable[[Arg], bool]:
-    """Whether a value has the type that a schema writes as `kind`."""
+    """A function that tells whether a value has the type that a schema writes as `kind`."""
     if kind.startswith("Optional["):
         inner = _acceptor(name, kind[len("Optional[") : -1])
         return lambda value: value is None or inner(value)
@@ -231,13 +231,13 @@ _KINDS: Mapping[str, Callable[[Arg], bool]] = {
 
 
 def _within_bounds(name: str, value: Arg) -> bool:
-    """Dimensions exist, and sizes written as numbers stay small; `examine` has the sizes that follow from others."""
+    """Whether dimensions are in range and sizes given as numbers are small. `examine` checks computed sizes."""
     if name in _DIMENSIONS:
         return all(
             part is None or (type(part) is int and -MAX_DIMENSIONS <= part < MAX_DIMENSIONS) for part in parts(value)
         )
     if name in _SIZES:
-        # Its type was judged before: a whole number, or a multiple of the number of worlds.
+        # The type was checked before: a whole number, or a multiple of the number of worlds.
         sizes = [part["n"] if isinstance(part, Mapping) else cast(int, part) for part in parts(value)]
         total = math.prod(max(1, size) for size in sizes)
         return len(sizes) <= MAX_CONSTANT and min(sizes, default=0) >= -1 and total <= MAX_TOTAL_PER_WORLD

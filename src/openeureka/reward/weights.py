@@ -1,7 +1,7 @@
-"""The numbers of a reward text that weigh or scale, and the same text with others in their place.
+"""The weights and scales in the text of a reward program, and the same text with other numbers in their place.
 
-Text goes in and comes out: what is between the numbers stays to the byte, and whoever trains the result has it judged
-like any other reward.
+Text goes in and text comes out: what is between the numbers stays the same to the byte. Before the result trains, it is
+judged like any other reward.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from .normalise import entry_name
 from .syntax import defaults, stored
 
 Use = Literal["factor", "added", "threshold", "data"]
-"""How an expression takes part: multiplied or divided by, added or handed on, compared with, or none of these."""
+"""How a number is used: as a factor or divisor, added or passed on, compared with, or none of these."""
 THRESHOLD = 0.1
-"""Step of what is compared with: twice a height at which a robot has fallen is always, half of it never."""
+"""Step of a number that is compared with. It is small: a robot is always below twice the height at which it counts as
+fallen, and never below half of it."""
 GUARD, LARGEST = 1e-5, 1e15
-"""What is added and not above the first keeps a division from zero; what reaches the second stands for infinity."""
+"""An added number up to `GUARD` protects a division from zero; a number from `LARGEST` on stands for infinity."""
 _UNTOUCHED = surface.words("""
     clamp clamp_max clamp_min clip float_power full isclose norm nan_to_num pow quantile round vector_norm
 """)
-"""Functions that take plain numbers as bounds, exponents and kinds; what is computed in their arguments counts."""
+"""Functions whose plain numbers are bounds, exponents, orders or the like. Numbers in expressions that are their
+arguments still count."""
 _DIGITS = rb"\d(?:_?\d)*"
 _NUMBER = re.compile(rb"(?:%b\.?(?:%b)?|\.%b)(?:[eE][+-]?%b)?" % ((_DIGITS,) * 4))
 
@@ -37,21 +39,21 @@ class Weight:
     """One number of a text."""
 
     name: str
-    """The name that it is assigned to, else what its line assigns to and the number as written: `effort 0.005`."""
+    """The name that the number is assigned to; else the name that its line assigns to, and the number: `effort 0.5`."""
     value: float
     """With its sign."""
     step: float
-    """By how much its logarithm moves while that of a factor moves by 1."""
+    """How far its logarithm moves when that of a factor moves by 1."""
     span: tuple[int, int]
     """Where its digits stand in the text as UTF-8 [bytes]."""
 
 
 def weights(text: str) -> tuple[Weight, ...]:
-    """What may be tuned, in the order of the text, each with a name of its own; empty for what is no reward program.
+    """The numbers that may be tuned, in the order of the text, each with a unique name; none if it is no program.
 
-    Factors, divisors, offsets and thresholds of the reward function, of the functions that it calls and of the
-    constants that they read. Whole numbers count as factors and divisors only. No exponent, index, size, bound of a
-    clamp, keyword argument or element of a list does, and neither does zero, nor a whole number that an index or a size
+    They are factors, divisors, offsets and thresholds of the reward function, of the functions that it calls and of the
+    constants that they read. Whole numbers count as factors and divisors only. These never count: zero, exponents,
+    indices, sizes, bounds of a clamp, keyword arguments, elements of a list, and whole numbers that an index or a size
     is computed from.
     """
     tree = gate.parse(text) if len(text) <= gate.MAX_BYTES else None
@@ -67,8 +69,8 @@ def weights(text: str) -> tuple[Weight, ...]:
 
 
 def weighed(text: str, numbers: Sequence[float]) -> str:
-    """The text with these in place of its `weights`. Signs stay those of the text; a number that is the same stays as
-    it is written. Raises ValueError where there are more or fewer of them than weights."""
+    """The text with these numbers in place of its `weights`. Signs stay those of the text; an unchanged number stays as
+    it is written. Raises ValueError unless there are as many numbers as weights."""
     data = text.encode()
     for weight, value in reversed(list(zip(weights(text), numbers, strict=True))):
         if value != weight.value:
@@ -78,7 +80,7 @@ def weighed(text: str, numbers: Sequence[float]) -> str:
 
 
 def values(text: str, origin: str) -> tuple[float, ...] | None:
-    """What a text that was made by `weighed` of another says in place of its `weights`; None where it was not."""
+    """The numbers that `text` has for the `weights` of `origin`; None unless `weighed` made it from `origin`."""
     data, source, place, before = text.encode(errors="replace"), origin.encode(errors="replace"), 0, 0
     found: list[float] = []
     for weight in weights(origin):
@@ -119,7 +121,7 @@ class _Finder:
                 yield from self._statement(statement, owner)
 
     def _operands(self, use: Use) -> Iterator[str]:
-        """Names that stand for themselves in such a place."""
+        """Names that are themselves operands: of a comparison (`threshold`), of a product or quotient (`factor`)."""
         for function in self._functions:
             for node in ast.walk(function):
                 parts: list[ast.expr] = []
@@ -130,7 +132,7 @@ class _Finder:
                 yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
 
     def _options(self) -> Iterator[str]:
-        """Names that stand for themselves as exponents, bounds or kinds, or anywhere within sizes and places."""
+        """Names that are by themselves an exponent or an option of a call, and names anywhere in sizes and indices."""
         for function in self._functions:
             for node in ast.walk(function):
                 yield from places.names(node)
@@ -147,7 +149,7 @@ class _Finder:
                 yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
 
     def _statement(self, node: ast.stmt, owner: str) -> Iterator[Weight]:
-        """`owner` names what the statement is for, where it assigns to nothing."""
+        """`owner` is the name for weights of a statement that assigns to nothing."""
         match node:
             case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=own)) if len(names) == len(own):
                 for name, value in zip(names, own, strict=True):
@@ -167,7 +169,7 @@ class _Finder:
                         yield from self._expression(child, "data", owner)
 
     def _assigned(self, name: str, value: ast.expr) -> Iterator[Weight]:
-        """A number that is assigned as it is has the name to itself, and counts as that is used."""
+        """A plain number assigned to a name is called by that name alone, and its use is that of the name."""
         if isinstance(_plain(value), ast.Constant):
             use = self._uses.get(name, "added")
             found = self._expression(value, use, name, step=THRESHOLD if use == "threshold" else 1.0)
@@ -236,7 +238,7 @@ def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
 
 
 def _names(function: ast.FunctionDef) -> list[str]:
-    """What it reads, and what it calls of `self`."""
+    """Names that a function uses, and attributes of `self`."""
     names: list[str] = []
     for node in ast.walk(function):
         match node:
@@ -248,7 +250,7 @@ def _names(function: ast.FunctionDef) -> list[str]:
 
 
 def _parts(call: ast.Call) -> Iterator[tuple[ast.AST, Use]]:
-    """What of a call may hold numbers. A keyword's plain number is an option, as a size's is."""
+    """The parts of a call that may hold weights. A plain number as a keyword argument is an option, as a size is."""
     name = places.function(call)
     yield call.func, "data"
     if name in places.SIZED:
@@ -267,14 +269,14 @@ def _use(op: ast.operator) -> Use:
 
 
 def _counts(value: object, use: Use) -> bool:
-    """Whether a number in such a place weighs or scales."""
+    """Whether a number with this use weighs or scales."""
     if use == "factor":
         return type(value) in (int, float) and 0 < cast(float, value) < LARGEST
     return use != "data" and type(value) is float and GUARD < value < LARGEST
 
 
 def _plain(node: ast.expr) -> ast.expr:
-    """Without its sign."""
+    """An expression without its sign."""
     return node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd) else node
 
 
