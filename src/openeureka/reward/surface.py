@@ -107,10 +107,10 @@ HELPERS = words("""
     scale scale_transform slerp tensor_clamp tf_apply tf_combine tf_inverse tf_vector to_torch unscale
     unscale_transform wrap_to_pi
 """)
-"""Quaternion and vector helpers of Isaac Gym's environments, implemented in `reward.math`; quaternions are xyzw."""
+"""Quaternion and vector helpers of Isaac Gym's environments, implemented in `reward.math`: x, y, z, w."""
 
 ALL_HELPERS = HELPERS | words("euler_xyz_to_exp_map matrix_to_quaternion quaternion_to_matrix unscale_np")
-"""The helpers, and those left out of prompts: the matrix functions take quaternions w, x, y, z, there and here."""
+"""Includes those left out of prompts. Quaternions of the matrix functions are w, x, y, z, in Isaac Gym as here."""
 
 HELPERS_PATH = "isaacgym.torch_utils"
 HELPER_MODULES = words("""

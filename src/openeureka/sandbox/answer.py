@@ -1,6 +1,6 @@
-"""What confined children and their parent tell each other of a program.
+"""What a confined child answers about a program.
 
-A module of its own: the server runs as `__main__`, whose names a decoder would look for in vain.
+A separate module, because the server runs as `__main__`, where the decoder would not find the names in annotations.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from ..types import Finding, RewardGraph
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """Findings, or a graph. Neither, where it made no sense."""
+    """Findings, or a graph; neither if what the child wrote made no sense."""
 
     findings: tuple[Finding, ...] = ()
     graph: RewardGraph | None = None
     lines: tuple[int | None, ...] = ()
-    """Of the program, for each node."""
+    """The program's line for each node of the graph."""
     returns: int | None = None
     """The line that returns the result."""
 
     @staticmethod
     def read(data: bytes) -> Answer:
-        """What a child wrote, whatever that is: an empty answer for anything else than one."""
+        """The answer that a child wrote; an empty one if it wrote anything else."""
         try:
             return decode(Answer, data)
         except DecodeError:

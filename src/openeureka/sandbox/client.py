@@ -1,4 +1,4 @@
-"""Checks candidates, the program in one confined child and its graph in another: answers are read here as data."""
+"""Checks candidates, the program in one confined child and its graph in another; reads their answers as data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from . import confine, server
 from .answer import Answer
 
 SECONDS = 2.0
-"""Processor time of each of a candidate's two children: the program's, and its graph's."""
+"""Processor time of each of a candidate's two children, that for the program and that for its graph."""
 _START_SECONDS = 120.0
 _GRACE_SECONDS = 5.0
 _MAX_LINE = 100_000
@@ -51,7 +51,7 @@ _OUTCOMES = {
         "compute tables with torch operations, from a few numbers",
     ),
 }
-"""What an outcome without an answer is, by which rule, what is said of it, and what its author can do."""
+"""For each outcome without an answer: the verdict, the rule, the message and the fix."""
 _RULE = re.compile(r"[a-z][a-z-]{0,31}")
 _Judgement = tuple[VerdictCode, tuple[Finding, ...], RewardGraph | None]
 
@@ -61,9 +61,9 @@ class Sandbox:
 
     Args:
         state: the task's table.
-        recorded: real states, reset states among them: per-world variables (M, *shape), M about 256; others as is.
-        worlds: per lane in the training that follows, 0 where there is none: graphs are measured with so many.
-        unsafe: run children that only limits bound, where the kernel cannot confine them.
+        recorded: real states, including reset states: per-world variables (M, *shape), M about 256; others as is.
+        worlds: per lane in the training that follows, 0 if there is none: graphs are measured with as many.
+        unsafe: do without Landlock and seccomp, so that only limits bound the children.
 
     Raises:
         SandboxUnavailable: on entry, where the kernel lacks Landlock or seccomp and `unsafe` is false.
@@ -175,7 +175,7 @@ class Sandbox:
         return worker
 
     def _ask(self, source: str) -> Frame:
-        """The server's frame. One that died or hung is started again, once: a program may be the reason or not."""
+        """The server's reply. A server that died or hung is started again, once: the program may not be the reason."""
         outcome = ""
         for _ in range(2):
             worker = self._worker or self._start()
@@ -189,12 +189,12 @@ class Sandbox:
 
 
 def _environment() -> dict[str, str]:
-    """The server's: no secret, only where a cluster's modules keep the libraries that torch loads as it starts."""
+    """The server's environment: no secret, only the path of libraries that torch loads at its start on a cluster."""
     return {name: os.environ[name] for name in ("LD_LIBRARY_PATH",) if name in os.environ}
 
 
 def _accepted(graph: RewardGraph) -> _Judgement:
-    """A graph that was judged. Nothing ran in this process, so what trains is certain to be a graph."""
+    """The verdict on a graph that a child accepted. It is validated again in this process, where no program ran."""
     try:
         validate(graph)
         return VerdictCode.ACCEPTED, (), graph
@@ -211,7 +211,7 @@ def _crash(number: object, what: str) -> Finding:
 
 
 def _cleaned(finding: Finding) -> Finding:
-    """A finding from a child, which may hold any text."""
+    """A finding from a child, with its texts made safe: a child may write anything."""
     return Finding(
         rule=finding.rule if _RULE.fullmatch(finding.rule) else "error",
         message=printable(finding.message),

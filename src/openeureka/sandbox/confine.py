@@ -1,4 +1,4 @@
-"""Confines the calling process for good, with kernel means that need no privilege: limits, Landlock, seccomp.
+"""Confines the calling process for good, by kernel mechanisms that need no privilege: limits, Landlock, seccomp.
 
 Covered once `confine` returns: no file can be opened, no process or thread started, no socket made, no other process
 signalled or traced; memory and CPU time are bounded; open descriptors are all that is left to talk through.
@@ -28,7 +28,7 @@ _EPERM, _ENOSYS = 1, 38
 _LANDLOCK_CREATE, _LANDLOCK_RESTRICT_SELF = 444, 446  # the same on every architecture
 _LANDLOCK_VERSION = 1
 _FIRST_UNUSED_UID, _LAST_UNUSED_UID = 61_000, 61_183
-"""Between the ranges that distributions and systemd hand out."""
+"""User ids between the ranges that distributions and systemd hand out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,14 @@ class _Architecture:
     """System call numbers, from the kernel's own tables."""
 
     audit: int
-    """The kernel's identifier of the architecture: a call made through another one's table is not what it seems."""
+    """The kernel's identifier of the architecture: in another one's table, the same number is another call."""
     seccomp: int
     allowed: tuple[int, ...]
-    """Memory, clocks, locks, signals of its own, and use of descriptors that are open already."""
+    """Calls for memory, clocks, locks, the process's own signals, and use of descriptors that are open already."""
     deadly: tuple[int, ...]
-    """A program that calls one of these has no honest reason."""
+    """Calls that no honest program makes."""
     clone3: int
-    """Its flags are out of a filter's sight: reported as unknown, so that libraries fall back to clone."""
+    """A filter cannot see the flags of this call. It is reported as unknown, so that libraries fall back to clone."""
     x32_bit: int = 0
     """Marks calls of a second table on the same processor."""
 
@@ -160,7 +160,7 @@ def _checked(result: int) -> int:
 
 
 def _drop_privileges() -> None:
-    """As root become a user that owns nothing, neighbouring processes different ones; as anyone else do nothing."""
+    """As root, become a user that owns nothing, a different one for neighbouring processes; otherwise do nothing."""
     if os.geteuid() != 0 or _only_user():
         return
     span = _LAST_UNUSED_UID - _FIRST_UNUSED_UID
@@ -175,8 +175,8 @@ def _drop_privileges() -> None:
 
 
 def _only_user() -> bool:
-    """Whether this user namespace holds one user alone, as `unshare -r` makes it: called root, it can become nobody
-    else, and owns nothing beyond what that user owns outside."""
+    """Whether this user namespace has a single user, as `unshare -r` makes it. Its root cannot become another user, and
+    owns nothing beyond what that user owns outside."""
     try:
         with open("/proc/self/uid_map") as file:
             return sum(int(line.split()[2]) for line in file) == 1

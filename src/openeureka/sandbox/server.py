@@ -1,10 +1,10 @@
 """Runs each candidate in a confined child, and judges its graph in another: a fork server, which imports torch once.
 
-The first child runs the program and traces it. What it answers is whatever the program made of that process, so the
-second child, which runs nothing but the graph, reads it and judges it. Either may die: that is a verdict.
+The first child runs the program and traces it. The program may have taken over that process, so its answer is not
+trusted: the second child, which runs nothing but the graph, reads and judges it. If either dies, that is a verdict.
 
-Run by `sandbox.client` as a worker with an empty environment, so that no child inherits a secret. It reads nothing of
-what a child writes beyond the length: the parent judges the bytes.
+`sandbox.client` runs the server as a worker with an almost empty environment, so that no child inherits a secret. The
+server reads only the length of what a child writes: the bytes are for the second child and for the client.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from .confine import confine
 LENGTH = struct.Struct("<I")
 MAX_FINDINGS = 20
 PATIENCE = 4
-"""Seconds on the clock for each of processor time that a child may use: a machine with other work is not its fault."""
+"""Seconds on the clock for each second of processor time that a child may use: a busy machine is not its fault."""
 TRIES = (PATIENCE, 4 * PATIENCE)
-"""Patience with a child, and with its successor where the clock ended it and not its own work."""
+"""Patience with a child, and with a second one for the same program if the clock ended the first."""
 LAST_TRY = 16 * PATIENCE
-"""Patience where the machine is seen to be busy: a reward that loops is to be found out there too."""
+"""Patience on a busy machine: enough for a program that loops for ever to use up its processor time."""
 LONGEST = 2 * (sum(TRIES) + LAST_TRY) + TRIES[-1]
-"""That of both children in all tries, and of the one that shows a busy machine."""
+"""Patience with both children in all tries, and with the child that shows whether the machine is busy."""
 MAX_ANSWER = 4 << 20
 _HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
@@ -71,8 +71,8 @@ class _Bench:
 @dataclass(frozen=True, slots=True)
 class _Outcome:
     kind: str
-    """`answer`, `timeout`, `waited` (ended by the clock, its processor time left over), `busy` (it waited, and so did
-    what needs nothing but a processor), `crashed` or `oversized`."""
+    """`answer`, `timeout` (processor time used up), `waited` (ended by the clock with processor time left), `busy`
+    (waited, as did a child that only computes), `crashed` or `oversized`."""
     answer: bytes = b""
     died_of: int = 0
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
@@ -93,7 +93,7 @@ def _gate(source: str, bench: _Bench) -> gate.Program | Answer:
 
 
 def _probe(program: gate.Program, bench: _Bench) -> Answer:
-    """What one program comes to."""
+    """The graph of a program, or why it is refused."""
     recorded = only(bench.recorded, bench.spec, program.inputs)
     try:
         traced = probe.probe(load.load(program), bench.spec, recorded, bench.worlds)
@@ -103,7 +103,7 @@ def _probe(program: gate.Program, bench: _Bench) -> Answer:
 
 
 def _twinned(finding: Finding, program: gate.Program) -> Finding:
-    """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
+    """The finding; if a function of numpy or math was given a tensor, it names the function of torch to use."""
     if finding.rule != "branch" or not (found := gate.of_numbers(program, finding.line)):
         return finding
     name, known = found
@@ -126,7 +126,7 @@ def _examine(text: bytes, bench: _Bench) -> Answer:
 
 
 def _findings(findings: Sequence[Finding], returns: int | None = None) -> tuple[Finding, ...]:
-    """The first of them; one about the result as a whole names the line that returns it."""
+    """The first `MAX_FINDINGS`; one about the result as a whole names the line that returns it."""
     whole = probe.RESULT_RULES
     return tuple(
         replace(finding, line=returns) if finding.line is None and finding.rule in whole else finding
@@ -135,9 +135,10 @@ def _findings(findings: Sequence[Finding], returns: int | None = None) -> tuple[
 
 
 class _Allowance:
-    """Processor time that a child may use. What it waits for counts a little, so that it cannot wait for ever.
+    """Processor time that a child may use. Time on the clock counts too, divided by the patience, so that no child
+    waits for ever.
 
-    Where the kernel tells nobody how long a process has run, every second on the clock counts as one.
+    If the kernel does not tell the processor time of a process, time on the clock counts in full.
     """
 
     def __init__(self, pid: int, seconds: float, patience: int) -> None:
@@ -150,7 +151,7 @@ class _Allowance:
         return self._seconds - (passed if used is None else max(used, passed / self._patience))
 
     def waited(self) -> bool:
-        """Whether processor time is left: then the time that has passed says nothing of its program."""
+        """Whether processor time is left. If so, the child mostly waited, which says nothing about its program."""
         used = self._used()
         return used is not None and used < self._seconds
 
@@ -187,11 +188,11 @@ class _Child:
         """Hand over its input and wait for its answer; the process is gone when this returns."""
         kind, answer = self._exchange(request, _Allowance(self._pid, seconds, patience))
         if kind == "crashed":
-            time.sleep(0.01)  # the pipe closes a moment before the process is gone: let it tell its signal
+            time.sleep(0.01)  # the pipe closes just before the process ends: wait for its signal
         return _Outcome(kind, answer, self.end())
 
     def _exchange(self, request: bytes, allowance: _Allowance) -> tuple[str, bytes]:
-        """What became of it, as in `_Outcome`, and the bytes of an answer."""
+        """The kind of outcome, as in `_Outcome`, and the bytes of an answer."""
         os.set_blocking(self._request, False)  # a child that does not read would hold up a write for ever
         unsent, received = memoryview(request), bytearray()
         while True:
@@ -220,7 +221,7 @@ class _Child:
                     return "answer", bytes(received[LENGTH.size : LENGTH.size + size])
 
     def end(self) -> int:
-        """End it and everything in its group; the signal that ended it, 0 for none."""
+        """End the child and everything in its group. Returns the signal that ended it, 0 for none."""
         for descriptor in (self._request, self._answer):
             if descriptor >= 0:
                 os.close(descriptor)
@@ -272,7 +273,7 @@ def _write(pipe: int, data: bytes) -> None:
 
 
 def _kill(pid: int) -> int:
-    """End a child and everything in its group; its wait status."""
+    """End a child and everything in its group. Returns its wait status."""
     for send in (os.killpg, os.kill):
         try:
             send(pid, signal.SIGKILL)
@@ -282,12 +283,12 @@ def _kill(pid: int) -> int:
 
 
 def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
-    """What became of a program, and in which child: `program` or `graph`.
+    """The child that decided, `program` or `graph`, and the outcome.
 
-    About one child in a thousand waits for ever without computing, whatever it is given, and a busy machine may keep
-    one waiting as long. So a child that waited gets a successor, once, and that has more time. Whether the program or
-    the machine is at fault where that waited too, is seen by a child that runs no program. On a busy machine a last one
-    has time enough for its share of a processor to end it, if it loops.
+    About one child in a thousand waits for ever without computing, whatever program it is given, and a busy machine may
+    keep a child waiting as long. So a program whose child waited is tried once more, with more time. If that child
+    waits too, a child that only computes shows whether the program or the machine is at fault. On a busy machine the
+    program gets a last try, long enough for an endless loop to use up its processor time.
     """
     first, longer = TRIES
     where, outcome = _judge_once(program, bench, seconds, first)
@@ -308,7 +309,7 @@ def _compute() -> NoReturn:
 
 def _judge_once(program: gate.Program, bench: _Bench, seconds: float, patience: int) -> tuple[str, _Outcome]:
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
-    # Made now, so that on a second core it is confined by the time it is asked.
+    # Made before the first finishes, so that on a second core it is confined when it is needed.
     second = _Child(lambda: _examine(_input(), bench), confined=bench.confined)
     outcome = first.finish(seconds, patience=patience)
     if outcome.kind != "answer":
@@ -320,7 +321,7 @@ def _judge_once(program: gate.Program, bench: _Bench, seconds: float, patience: 
 def main() -> None:
     channel = Channel()
     torch.set_num_threads(1)  # a child is forked: it must need no thread that only its parent has
-    without_compiler()  # which every child would inherit
+    without_compiler()  # every child would inherit it
     frame = channel.receive()
     if frame is None:
         return
@@ -340,7 +341,8 @@ def main() -> None:
 
 
 def _warm_up(bench: _Bench) -> str:
-    """Load what torch loads lazily, before a child may open no file, and try two; the problem met, or nothing."""
+    """Load what torch loads lazily, since a confined child can open no file, then judge a sample program. Returns the
+    problem, or an empty text."""
     name = bench.spec.per_world[0]
     term = f"{name}.reshape(num_envs, -1).sum(dim=-1)"
     program = _gate(_WARM_UP.format(arguments=name, term=term), bench)
@@ -357,7 +359,7 @@ def _warm_up(bench: _Bench) -> str:
 
 
 def _collapse() -> None:
-    """Gather this process's memory in huge pages: of 200 MB in small ones, a fork copies 50,000 entries each time.
+    """Gather this process's memory in huge pages: for 200 MB in small ones, a fork copies 50,000 page table entries.
 
     Where the kernel cannot (before Linux 6.1) forks take a few milliseconds more.
     """
