@@ -1,5 +1,5 @@
-"""First-class fakes: a model that reads from a script, a checker and a trainer that are pure functions of the program,
-and a desk where nobody sits.
+"""Fakes of a search's parts: a model that reads from a script, a checker and a trainer that are pure functions of the
+program, and a desk at which nobody sits.
 
 A whole search with them takes milliseconds and needs no torch, no physics and no weights.
 """
@@ -40,7 +40,7 @@ from ..types import (
 )
 
 TOY = TaskContext(env="toy", description="Do the thing.", state=StateSpec(()), source="")
-"""A task that is only words."""
+"""A task without state or source."""
 
 _USAGE = Usage(prompt_tokens=100, completion_tokens=10, cost_usd=0.01)
 _WORTH = re.compile(r"return (-?\d+(?:\.\d+)?)")
@@ -52,7 +52,7 @@ def program(worth: float) -> str:
 
 
 def reply(worth: float) -> str:
-    """What a model would say around it."""
+    """A model's reply with that program."""
     return f"Here is the reward.\n```python\n{program(worth)}```\n"
 
 
@@ -67,7 +67,7 @@ class ScriptedModel:
     prompts: list[Prompt] = field(default_factory=list)
     seeds: list[int] = field(default_factory=list)
     said: int = 0
-    """Replies given; set it to begin in the middle."""
+    """Replies given so far; set it to begin in the middle of the script."""
     closed: int = 0
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
@@ -100,12 +100,13 @@ class ToyChecker:
 
 @dataclass
 class ToyTrainer:
-    """F is the number a program returns plus seed / 100, one less when played; the human reward is worth 10, the sparse
-    one 5, what is untrained 0. From a policy it is the worth of that, as far as it is not mixed with fresh weights."""
+    """F in training is the number that a program returns (human reward: 10, sparse: 5) plus seed / 100. Played, it is
+    one less, and -1 for an untrained policy. A lane that starts from a policy mixes the F of that policy with its own,
+    as `fresh` says."""
 
     trained: list[str] = field(default_factory=list)
     error: float = 0.0
-    """Standard error of what is played: rewards nearer than two of both are level."""
+    """Standard error of every played F; rewards closer than two standard errors of their difference are level."""
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={lane.id: None for lane in lanes})
@@ -114,7 +115,7 @@ class ToyTrainer:
             yield self._paused(lane, budget.until) if budget.until < 1.0 else self.result(lane)
 
     def _paused(self, lane: LaneSpec, until: float) -> TrainingResult:
-        """One that is worth as much as the whole; it goes on only with the state that it left."""
+        """The result of a lane that pauses, with the F of the whole training. A lane that was there already fails."""
         begun = float(lane.paused or 0.0)
         if begun >= until:
             raise ValueError(f"{lane.id} was there already")
@@ -122,7 +123,7 @@ class ToyTrainer:
         return dataclasses.replace(whole, state=TrainingState.PAUSED, paused=str(until).encode())
 
     def result(self, lane: LaneSpec) -> TrainingResult:
-        """Of the whole training of a lane."""
+        """The result of a lane's whole training."""
         worth = _worth(lane)
         peak = Checkpoint(epoch=1, value=worth, policy=str(worth).encode())
         own = (0.0, worth / 2, worth)
@@ -169,13 +170,13 @@ class ToyTrainer:
     def rewards(
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
     ) -> Mapping[str, Sequence[float]]:
-        """The nearer a state is to the number that a program returns, the more that pays."""
+        """A program pays more, the nearer a state is to the number that it returns."""
         states = [state for one in episodes for state in decode(list[float], one.states)]
         return {name: [-abs(state - _number(program)) for state in states] for name, program in programs.items()}
 
 
 class ToyDesk:
-    """Nobody sits there; who has something to say does so elsewhere, as on the page."""
+    """A desk at which nobody sits: people say what they have to say elsewhere, for example on the page."""
 
     def invite(self, generation: Generation) -> None: ...
 
@@ -184,7 +185,7 @@ class ToyDesk:
 
 
 def _episodes(worth: float) -> Episodes:
-    """Two of three steps, of which every state is F."""
+    """Two episodes of three steps; every state is the F of its episode."""
     fitness = (worth - 1.0, worth - 0.9)
     states = [f for f in fitness for _ in range(3)]
     return Episodes(fitness=fitness, steps=(3, 3), owners=(0, 0, 0, 1, 1, 1), states=encode(states).encode())

@@ -14,14 +14,14 @@ from openeureka.types import Message, Prompt, Reply
 
 
 class ModelConformance:
-    """Checks that hold for any model; what it says is for its own tests."""
+    """Checks that hold for any model; what the model says is a matter for its own tests."""
 
     def make(self) -> LanguageModel:
         """A fresh model, able to give at least six replies."""
         raise NotImplementedError
 
     def prompt(self) -> Prompt:
-        """A short prompt in the model's style; with a grammar and a prefill where that is `grammar`."""
+        """A short prompt in the model's style; for the style `grammar`, with a grammar and a prefill."""
         return Prompt(messages=(Message("system", "Answer briefly."), Message("user", "Say yes.")))
 
     def test_style_is_one_that_prompts_are_written_in(self) -> None:

@@ -15,24 +15,24 @@ from openeureka.tasks.task import Task
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Of one state variable between two devices, as |a - b| / (1 + |a|)."""
+    """Difference of one state variable between two devices, as |a - b| / (1 + |a|)."""
 
     variable: str
     median: float
-    """Over worlds and steps, of the largest over a world's numbers."""
+    """Median over worlds and steps of the largest difference among a world's numbers."""
     usual: float
     """99 % of worlds and steps are below."""
     worst: float
-    """Where a contact begins on one device and not quite on the other, this has no bound."""
+    """Unbounded where a contact begins on one device and not quite on the other."""
 
 
 def compare(env: str, device: str, steps: int = 50, *, worlds: int = 8) -> list[Difference]:
     """Differences of every per-world state variable after each of `steps` control steps of random play, largest first.
 
-    The CPU is the reference. Before each step the other simulation takes over its state, for contacts amplify rounding
-    a thousandfold within ten steps. Friction cones are elliptic: the pyramids that tasks use depend on the two tangents
-    of a contact, which are arbitrary; for a capsule that stands steeply on a plane, mujoco_warp 4.0 takes others than
-    MuJoCo.
+    The CPU is the reference. Before each step the other simulation takes over its state, because contacts amplify
+    rounding errors a thousandfold within ten steps. Friction cones are elliptic here: the pyramidal cones that tasks
+    use depend on the two tangents of a contact, which are arbitrary. For a capsule that stands steeply on a plane,
+    mujoco_warp 4.0 takes other tangents than MuJoCo.
     """
     task = _with_round_friction(get(env))
     first, second = (BatchedEnv(task, worlds=worlds, device=name, threads=1) for name in ("cpu", device))

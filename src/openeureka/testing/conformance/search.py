@@ -24,7 +24,7 @@ from openeureka.types import (
 
 
 def entries(generation: int, scores: Sequence[float | None], *, refused: bool = False) -> list[Scored]:
-    """A generation with these F; None for a lane that diverged. With `refused`, nothing got as far as training."""
+    """A generation with these F; None for a lane that diverged. With `refused`, no candidate was accepted."""
     made = []
     for slot, fitness in enumerate(scores):
         candidate = Candidate.of(f"{generation}/{slot}")
@@ -51,7 +51,7 @@ SCORES = ([1.0, 3.0, None], [2.0, None, -1.0], [-4.0, 2.5])
 
 
 class SearchConformance:
-    """Checks that hold for any strategy; whom it makes a parent is for its own tests."""
+    """Checks that hold for any strategy; which rewards it makes parents is a matter for its own tests."""
 
     def make(self) -> SearchStrategy:
         raise NotImplementedError

@@ -35,7 +35,7 @@ def slider(gravity: float = 0.0) -> mujoco.MjModel:
 
 
 class SimulatorConformance:
-    """Checks that hold for any simulator of MuJoCo models; how precise it is, is for its own tests."""
+    """Checks that hold for any simulator of MuJoCo models; its precision is a matter for its own tests."""
 
     def open(self, model: mujoco.MjModel, worlds: int) -> Simulator:
         """The simulator under test."""

@@ -31,7 +31,7 @@ class TaskConformance:
 
     Attributes:
         env: name or import string of the task.
-        random_start: whether episodes start differently.
+        random_start: whether episodes start in different states.
         start_overlap: deepest penetration of any contact in a start pose [m].
         random_worlds: worlds that are under random control for two seconds.
     """
@@ -242,7 +242,7 @@ class TaskConformance:
         self._check_state(record_states(self.env, worlds=4, steps=6, keep=3), worlds=12)
 
     def _check_equal(self, one: BatchedEnv, other: BatchedEnv, left: Step, right: Step, worlds: Tensor) -> None:
-        """Whether worlds live on as if nothing had happened to any other."""
+        """Check that these worlds go on as if nothing had happened to any other."""
         found, expected = (_judged(env.task, step.state, step.ended) for env, step in ((one, left), (other, right)))
         found["observation"], expected["observation"] = left.observation, right.observation
         _check_alone(found, expected, worlds)
@@ -281,7 +281,7 @@ def _random_steps(simulation: BatchedEnv, count: int) -> list[Step]:
 
 
 def _judged(task: Task, state: State, ended: Tensor) -> dict[str, Tensor]:
-    """What becomes of a state, (N, ...) each."""
+    """Termination, fitness and rewards of a state, (N, ...) each."""
     score = task.fitness(state, ended)
     return {
         "terminated": task.terminated(state),

@@ -30,13 +30,13 @@ from openeureka.types import (
 
 
 class TrainerConformance:
-    """Checks that hold for any trainer; how well it learns is for its own tests.
+    """Checks that hold for any trainer; how well it learns is a matter for its own tests.
 
     Attributes:
         env: task to train.
         budget: small, but enough for a few epochs.
-        programs: rewards to train beside each other.
-        episodes: of each evaluation.
+        programs: rewards to train side by side.
+        episodes: number of them in each evaluation.
     """
 
     env: ClassVar[str]
@@ -186,14 +186,14 @@ class TrainerConformance:
         return {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
 
     def _plain(self) -> list[Evaluation]:
-        """Scores of what is played, kept as `_events` are."""
+        """Scores of the policies of `_played`, computed once for all checks of the class."""
         kind = type(self)
         if "_scored" not in kind.__dict__:
             kind._scored = self._scores(self._played())
         return kind._scored
 
     def _events(self) -> list[TrainingEvent]:
-        """Of one training for all checks of the class: it may take seconds."""
+        """Events of one training, run once for all checks of the class: it may take seconds."""
         kind = type(self)
         if "_kept" not in kind.__dict__:
             kind._kept = list(self.make().train(self.env, self.lanes(), self.budget))

@@ -1,7 +1,7 @@
 """Programs that attack, or merely break the contract, and what must become of each.
 
-`layer` stops a program, or takes the harm out of it; `code` and `rule` are the verdict of the whole sandbox. Those that
-the gate refuses are also run without it, where any verdict is fine and no harm is allowed.
+`layer` stops a program, or makes it harmless; `code` and `rule` are the verdict of the whole sandbox. Programs that the
+gate refuses are also run without the gate: then any verdict is fine, but no harm is allowed.
 """
 
 from .capabilities import CAPABILITIES, INTROSPECTION

@@ -1,4 +1,5 @@
-"""Ways out: from a value to the interpreter; from Python to files, processes, sockets, secrets and the parent."""
+"""Attempts to escape: from a value to the interpreter; from Python to files, processes, sockets, secrets and the
+parent."""
 
 from __future__ import annotations
 

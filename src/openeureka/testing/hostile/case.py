@@ -19,7 +19,7 @@ STATE = StateSpec(
 
 
 class Layer(StrEnum):
-    """Who stops a program, or takes the harm out of it."""
+    """What stops a program, or makes it harmless."""
 
     GATE = "gate"  # reads it and never runs it
     KERNEL = "kernel"  # ends its process, or refuses it memory and time
@@ -33,13 +33,13 @@ class Hostile:
     """One program and what must become of it. `CANARY` in a source stands for a file that must stay as it is."""
 
     number: int
-    """The idea behind it, which may have several forms."""
+    """Number of the idea behind it. Several programs may be forms of one idea."""
     name: str
     source: str
     layer: Layer
     code: VerdictCode
     rule: str = ""
-    """Of the first finding; empty for an accepted program."""
+    """Rule of the first finding; empty for an accepted program."""
 
     @property
     def id(self) -> str:

@@ -1,5 +1,5 @@
-"""Rewards that are no rewards: wrong values, shapes, dtypes, coupling and branches on data; edits of inputs, state kept
-between calls, changes of torch itself."""
+"""Programs that break the contract: wrong values, shapes, dtypes, coupling and branches on data; edits of inputs, state
+kept between calls, changes of torch itself."""
 
 from __future__ import annotations
 

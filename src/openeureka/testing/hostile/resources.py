@@ -1,4 +1,4 @@
-"""Time, memory and output without end."""
+"""Programs that take time, memory or output without end."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from .case import Hostile, gate, gate_text, out_of_memory, out_of_time, probe, r
 _DIVIDED = """least = torch.full((num_envs,), -(2**63), dtype=torch.int64)
 by = torch.where({condition}, torch.tensor(-1), torch.tensor(1))
 r = r + torch.div(least, by, rounding_mode="trunc") * 0"""
-"""The least integer by -1 ends a process; the condition hides it from whoever looks at other numbers of worlds."""
+"""Dividing the least integer by -1 ends a process; the condition hides it from checks with other numbers of worlds."""
 _MANY_LISTS = "{above}def compute_reward(pos{default}):\n    return pos[:, 0], {{}}\n"
-"""Lists of no numbers, which whoever counts numbers alone multiplies out while the text is read."""
+"""Lists of empty lists: a limit that counts only numbers would let them be multiplied out while the text is read."""
 
 RESOURCES: tuple[Hostile, ...] = (
     gate(41, "endless-while", "statement", "while True:\n    pass"),
