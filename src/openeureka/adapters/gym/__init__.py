@@ -1,4 +1,4 @@
-"""Gymnasium: `env=gym:ID`, whatever is registered; `env=gym:package:ID` imports the package first."""
+"""Gymnasium's environments as tasks: `env=gym:ID`; `env=gym:package:ID` first imports the package that registers it."""
 
 from .named import imports, task
 

@@ -1,4 +1,4 @@
-"""What an environment's documentation says of its observation and its actions, without a word on what counts."""
+"""What an environment's documentation says of its observation and actions, without words on reward or success."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ WHOLE = ("obs_buf", "previous_obs_buf", "actions")
 TAKEN = frozenset(
     (*WHOLE, "outcome", "num_envs", "device", *keyword.kwlist, "torch", "math", "np", "typing", "Dict", "Tuple")
 )
-"""What means something else in a reward. `outcome` is what F gains in a step."""
+"""Names that mean something else in a reward. `outcome` is what F gains in a step."""
 
 _ENDS = ("episode end", "episode termination", "termination")
 _TOLD = ("description", "action space", "observation space", "starting state", *_ENDS)
 _TRUNCATION = re.compile(r"^[^\w\n]*(?:\d+[.)] *)?Truncation\b.*", re.IGNORECASE | re.MULTILINE | re.DOTALL)
-"""The last part of what ends an episode, which the length of one tells already."""
+"""The last part of a section on how episodes end. The episode length already tells it."""
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
 _GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
 _FIGURE = re.compile(r"```\{figure\}.*?```|!\[[^\]]*\]\([^)]*\)", re.DOTALL)
 _PADDING = re.compile(r"(?<=\|) {2,}| {2,}(?=\|)|(?<=---)-+ *")
-"""Of the columns of a table."""
+"""Padding of the columns of a table."""
 _TABLED = "(The state table has them.)"
 _LEG = ("hip_angle", "hip_speed", "knee_angle", "knee_speed", "contact")
 KNOWN = {
@@ -47,11 +47,11 @@ GOALS = {
     "LunarLander": "to land gently on the landing pad",
     "BipedalWalker": "to walk to the far (right) end of the terrain without falling",
 }
-"""Of environments whose documentation says none but by what is paid."""
+"""Goals of environments whose documentation states them only through the reward."""
 
 
 def sections(text: str) -> dict[str, str]:
-    """The documentation's sections by their titles in lower case; what comes before the first has none."""
+    """The documentation's sections by title in lower case. Text before the first title has its first line as title."""
     found: dict[str, str] = {}
     for part in re.split(r"^#+ *", inspect.cleandoc(text), flags=re.MULTILINE):
         title, _, body = part.partition("\n")
@@ -60,11 +60,11 @@ def sections(text: str) -> dict[str, str]:
 
 
 def told(text: str, names: Collection[str] = ()) -> str:
-    """What a language model may read of it: paragraphs on the world, the actions, the observation, the start, and what
-    ends an episode before its time.
+    """What a language model may read of the documentation: paragraphs on the world, the actions, the observation, the
+    start, and what ends an episode early.
 
     Args:
-        names: of the state table, which need not be told once more.
+        names: names in the state table. A table that only repeats them is left out.
     """
     known = sections(_FIGURE.sub("", text))
     shown = []
@@ -79,7 +79,8 @@ def told(text: str, names: Collection[str] = ()) -> str:
 
 
 def _repeats(part: str, names: Collection[str]) -> bool:
-    """Whether it is a table that says no more than the names of columns: each of them has one, and none a bound."""
+    """Whether a part is a table of the observation that adds nothing to these names: all are known, no value has a
+    finite bound."""
     rows = _listed(_tables(part)[0]) if part.startswith("|") else []
     bounds = [value for row in rows for title, value in row.items() if title in ("min", "max")]
     called = identifiers(row["observation"] for row in rows)
@@ -87,8 +88,8 @@ def _repeats(part: str, names: Collection[str]) -> bool:
 
 
 def intent(text: str, env: str) -> str:
-    """`to balance the pole`, as the documentation words its goal, up to where it speaks of what counts; else to do what
-    the name says."""
+    """The goal as the documentation words it, such as `to balance the pole`, cut off before it mentions reward or
+    success; else one of `GOALS`, else to do what the environment is made for."""
     words = " ".join(sections(text).get("description", "").split())
     found = _GOAL.search(words)
     said = found[1] if found else ""
@@ -103,8 +104,8 @@ def bare(env: str) -> str:
 
 
 def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
-    """Name and meaning of each column of the observation, where the documentation has a table of all of them or, if
-    there is none, of the first."""
+    """Name and meaning of each column of the observation, if the documentation has a table of all of them; else of the
+    first columns, if it has a table of those."""
     if len(known := KNOWN.get(name, ())) == count:
         return [(column, column.replace("_", " ")) for column in known]
     first: list[tuple[str, str]] = []
@@ -122,7 +123,7 @@ def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
 
 
 def _listed(table: list[list[str]]) -> list[dict[str, str]]:
-    """The cells of the columns of an observation by their titles in lower case, where a table lists these in order."""
+    """The rows of a table, as cells by title in lower case, if it lists the columns of an observation in order."""
     titles = [title.lower() for title in table[0]]
     rows = [row for row in table[1:] if _NUMBER.fullmatch(row[0])]
     in_order = [int(row[0]) for row in rows] == list(range(len(rows)))
@@ -151,7 +152,7 @@ def _meaning(text: str, unit: str) -> str:
 
 
 def identifiers(texts: Iterable[str]) -> list[str]:
-    """Each text as a name of its own that a reward may use: `Pole Angle` is `pole_angle`."""
+    """Each text as a unique name that a reward may use: `Pole Angle` is `pole_angle`."""
     found: list[str] = []
     for text in texts:
         bare = re.sub(r"\s\([^()]*\)", "", text)
@@ -168,13 +169,13 @@ def identifiers(texts: Iterable[str]) -> list[str]:
 
 
 def betrays(name: str) -> bool:
-    """Whether a name gives away what counts."""
+    """Whether a name hints at reward or success."""
     return bool(_BETRAYS.search(name))
 
 
 def use_of(words: str) -> StateUse:
-    """How the typed grammar may use a number. Angles, actions and gaps are good near zero; of all else, a height or a
-    cosine too, more or less may be meant."""
+    """How the typed grammar may use a number. Angles, actions and differences are best near zero; of anything else,
+    including heights and cosines, more or less may be better."""
     plain = words.lower().replace("_", " ")
     directed = re.search(r"velocity|velocities|speed|\b(?:cos|sin)(?:ine|e)?\b", plain)
     gap = re.search(r"\b(?:angle|rotation|action|error)|\bto (?!be\b)|\bdifference| - ", plain)

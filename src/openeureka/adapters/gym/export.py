@@ -1,4 +1,4 @@
-"""An environment as a task file to edit, and a reward as a wrapper of Gymnasium's: what is handed out as Python."""
+"""Exports an environment as a task file to edit, and a reward as a wrapper of Gymnasium's."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
-    """A file with one class, which trains as the environment itself does.
+    """Source of a task file with one class, which trains as the environment itself does.
 
     Args:
-        task: its class.
-        name: of the class in the file.
-        own: what the task is called.
-        intent: the sentence that a language model reads; empty for that of the documentation.
+        task: the environment's task class.
+        name: name of the class in the file.
+        own: name of the task.
+        intent: the sentence that a language model reads; if empty, the one from the documentation.
     """
     return template("adapter.py.jinja").render(
         env=task.env,
@@ -62,7 +62,7 @@ def wrapper(
     graph: RewardGraph,
     program: str,
 ) -> str:
-    """The file. Raises TaskError for a variable that a task file computes itself."""
+    """Source of the wrapper. Raises TaskError if the reward reads a variable that a task file computes itself."""
     known = read(env, graph, (*places, *WHOLE))
     return template("wrapper.py.jinja").render(
         env=env,

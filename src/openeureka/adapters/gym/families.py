@@ -12,11 +12,11 @@ from ...tasks.task import State
 from .lifted import LiftedTask
 
 FASTEST = 10.0
-"""To which some observations clip speeds."""
+"""Limit of speeds, and of one force, in observations that clip them."""
 
 
 class Runner(LiftedTask):
-    """Pays speed along x and, where it has one, a healthy pose; charges for effort."""
+    """Pays for speed along x and, in families that define one, a healthy pose; charges for effort."""
 
     has_y = False
     clipped = False
@@ -35,7 +35,7 @@ class Runner(LiftedTask):
         return info
 
     def healthy(self) -> Tensor | None:
-        """(N,) bool; None for those that cannot fall."""
+        """(N,) bool; None for families that cannot fall."""
         return None
 
     def terminated(self, s: State) -> Tensor:
@@ -64,7 +64,7 @@ class Swimmer(Runner):
 
 
 class Hopper(Runner):
-    """Is healthy while its torso is high and upright, and nothing of its state is beyond all bounds."""
+    """Is healthy while its torso is high and upright, and the rest of its state is within a range."""
 
     clipped = True
 
@@ -81,18 +81,18 @@ class Hopper(Runner):
 
 
 class Walker2d(Hopper):
-    """Like Hopper, but for the range of the rest of its state."""
+    """Like Hopper, without a range for the rest of its state."""
 
 
 class Ant(Runner):
-    """Feels contacts, and is charged for them."""
+    """Observes contact forces, and is charged for them."""
 
     has_y, normal, forces = True, True, True
     fields = ("cfrc_ext",)
 
     @classmethod
     def fits(cls, env: Any) -> bool:
-        """Speeds of another `main_body` than the one that positions begin with are in no lifted state."""
+        """False if `main_body` is not the body that the positions begin with: a lifted state lacks its speed."""
         return env.model.body(env._main_body).id == env.model.jnt_bodyid[0]
 
     def contact_forces(self) -> Tensor:
@@ -115,7 +115,7 @@ class Ant(Runner):
 
 
 class Humanoid(Runner):
-    """Feels contacts, inertias and its own actuators; its speed is that of its centre of mass."""
+    """Observes contact forces, inertias and actuator forces; its speed is that of its centre of mass."""
 
     has_y, forces = True, True
     fields = ("xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ten_length", "ten_velocity")
@@ -148,11 +148,11 @@ class Humanoid(Runner):
 
 
 class Reacher(LiftedTask):
-    """Pays the nearness of a fingertip to a target somewhere in a disc."""
+    """Pays for a fingertip that is near a target somewhere in a disc."""
 
     fields = ("xpos",)
     reach = 0.2
-    """[m] in which targets are."""
+    """Radius of the disc in which targets are [m]."""
 
     def gap(self) -> Tensor:
         """(N, 3) from the target to the fingertip [m]."""
@@ -170,7 +170,7 @@ class Reacher(LiftedTask):
     def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
         drawn = self.noise.uniform(worlds, 2 * len(self.start) + 2, -1.0, 1.0)
         angles, speeds, disc = drawn.split((len(self.start), len(self.start), 2), dim=1)
-        # Uniform in the disc, without drawing anew what is outside of it: by area, and by angle.
+        # Uniform in the disc without rejection sampling: a radius by area, and an angle.
         radius, turn = self.reach * ((disc[:, :1] + 1) / 2).sqrt(), torch.pi * disc[:, 1:]
         target = torch.cat((radius * turn.cos(), radius * turn.sin()), dim=1)
         places = torch.cat(((self.start + 0.1 * angles)[:, :-2], target), dim=1)
@@ -178,16 +178,16 @@ class Reacher(LiftedTask):
 
 
 class Pusher(LiftedTask):
-    """Pays the nearness of an object to its goal, and of the arm's tip to the object."""
+    """Pays for an object that is near its goal, and for the arm's tip being near the object."""
 
     fields = ("xpos",)
     apart = 0.17
-    """[m] that an object starts from its goal, at least."""
+    """Least distance of an object from its goal at the start [m]."""
     tries = 16
-    """Of a start, of which the first that is so far away is taken; one in 10^9 has none."""
+    """Places drawn for a start; the first that is far enough is taken. In one start of 10^9 none is."""
 
     def body(self, name: str) -> Tensor:
-        """(N, 3) [m]"""
+        """(N, 3) position of a body [m]."""
         return self.read("xpos")[:, self.sim.model.body(name).id]
 
     def observation(self) -> Tensor:
@@ -213,10 +213,10 @@ class Pusher(LiftedTask):
 
 
 class InvertedPendulum(LiftedTask):
-    """Pays each step that a pole stands."""
+    """Pays for each step in which a pole stands."""
 
     leaning = 0.2
-    """[rad] at which it has fallen."""
+    """Angle beyond which it has fallen [rad]."""
 
     def observation(self) -> Tensor:
         return torch.cat((self.qpos, self.qvel), dim=1)
@@ -229,7 +229,7 @@ class InvertedPendulum(LiftedTask):
 
 
 class InvertedDoublePendulum(LiftedTask):
-    """Pays each step that two poles stand, less for being elsewhere and for moving."""
+    """Pays for each step in which two poles stand; charges for the tip's distance from its place and for speed."""
 
     fields, forces, normal = ("site_xpos", "qfrc_constraint"), True, True
 
@@ -240,7 +240,7 @@ class InvertedDoublePendulum(LiftedTask):
         return torch.cat((self.qpos[:, :1], angles.sin(), angles.cos(), speeds, pushed), dim=1)
 
     def tip(self) -> Tensor:
-        """(N, 3) [m]"""
+        """(N, 3) position of the upper pole's tip [m]."""
         return self.read("site_xpos")[:, 0]
 
     def terminated(self, s: State) -> Tensor:
@@ -265,4 +265,4 @@ FAMILIES: Mapping[str, type[LiftedTask]] = {
         *(InvertedDoublePendulum, InvertedPendulum, Pusher, Reacher),
     )
 }
-"""By the name of Gymnasium's class."""
+"""Families by the name of Gymnasium's class."""

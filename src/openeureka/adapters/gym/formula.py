@@ -32,9 +32,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 _LARGEST = torch.finfo(torch.float32).max
 _LONGEST = 2000
-"""Characters: a whole number of more could not be told."""
+"""Characters of an expression: Python refuses to print a whole number of many more digits."""
 _DEEPEST = 200
-"""Operations inside each other, as each of a sum's is; each costs a level of Python's own stack."""
+"""Levels of nested operations; each term of a sum is one. Each costs a level of Python's own stack."""
 Values = Mapping[str, Tensor]
 Formula = Callable[[Values], Tensor]
 
@@ -57,7 +57,7 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
 
 
 def named(text: str) -> frozenset[str]:
-    """What an expression names, known or not. Raises TaskError where it is none."""
+    """The names in an expression, known or not. Raises TaskError if the text is no expression."""
     return _names(_parsed(text))
 
 

@@ -1,4 +1,4 @@
-"""Gymnasium's MuJoCo environments on lanes: model, frame skip and constants of an instance, with batched physics."""
+"""Gymnasium's MuJoCo environments with batched physics: model, frame skip and constants are those of an instance."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ RECIPE = Recipe(hidden=(64, 64), env_steps=2_000_000, worlds=64, horizon=32, epo
 class LiftedTask(PaidTask):
     """One family of environments; subclasses hold its formulas.
 
-    Gymnasium reads what MuJoCo leaves behind a step. After a Runge-Kutta step that is nearly the state that the step
-    came to, and forces that act there; after an Euler step it is the state that the last of its substeps began with.
+    Gymnasium reads the fields that MuJoCo leaves after a step. After a Runge-Kutta step they, forces included, are
+    nearly those of the state that was reached; after an Euler step, those that its last substep began with.
     """
 
     recipe = RECIPE
-    counts_early = True  # only failures end an episode of these early
+    counts_early = True  # in these families, only a failure ends an episode early
     path: ClassVar[str]
-    """Of the model."""
+    """Path of the model's file."""
     constants: ClassVar[Mapping[str, Any]]
     """What the instance was made with, such as `ctrl_cost_weight`."""
     skipped: ClassVar[int] = 0
-    """Positions that the observation leaves out."""
+    """Number of first positions that the observation leaves out."""
     fields: ClassVar[tuple[str, ...]] = ()
-    """MjData's, beside the state, that the family reads."""
+    """Fields of MjData that the family reads besides the state."""
     forces: ClassVar[bool] = False
-    """Whether it reads forces, which a step leaves behind for its beginning alone."""
+    """Whether it reads forces, which after a step are still those of its beginning."""
     normal: ClassVar[bool] = False
-    """Whether speeds at the start are normal; else uniform, as positions are."""
+    """Whether speeds at the start are normally distributed; if not, uniformly, as positions are."""
     lags: ClassVar[bool] = False
-    """Whether it reads what the last substep began with; `memory` then lists `late`."""
+    """Whether it reads fields of the state that the last substep began with; `memory` then lists `late`."""
 
     def __init__(self, sim: Any, noise: WorldNoise) -> None:
         super().__init__(sim, noise)
@@ -55,17 +55,17 @@ class LiftedTask(PaidTask):
         self.before = torch.zeros(self.num_envs, self.num_observations, device=self.device)
         self.place_before = torch.zeros(self.num_envs, 2, device=self.device)
         self.late = torch.full_like(self.together(), torch.nan) if self.lags else torch.zeros(0)
-        """(N, numbers) `fields` before the last substep, where Gymnasium reads those; NaN until the first step."""
+        """(N, numbers) `fields` before the last substep, if `lags`; NaN until the first step of an episode."""
 
     @classmethod
     def fits(cls, env: Any) -> bool:
-        """Whether its formulas are those of this instance of the family, however that was made."""
+        """Whether the family's formulas hold for this instance, with the arguments that it was made with."""
         return True
 
     @classmethod
     def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]  static where a class is one task
         spec = mujoco.MjSpec.from_file(cls.path)
-        if "cfrc_ext" in cls.fields:  # which MuJoCo computes for a model with a force sensor alone
+        if "cfrc_ext" in cls.fields:  # MuJoCo computes it only for a model with a force sensor
             body = spec.worldbody.first_body()
             body.add_site(name="openeureka")
             kinds = {"type": mujoco.mjtSensor.mjSENS_FORCE, "objtype": mujoco.mjtObj.mjOBJ_SITE}
@@ -74,9 +74,9 @@ class LiftedTask(PaidTask):
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
-        """The file's own timestep and integrator."""
+        """The model with the file's own timestep and integrator."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of MuJoCo, on what the files of others say in an old way
+            warnings.simplefilter("ignore")  # MuJoCo warns of outdated syntax in these files
             return cls.model().compile()
 
     @classmethod
@@ -106,7 +106,7 @@ class LiftedTask(PaidTask):
             self.sim.forward(self.everywhere)
 
     def together(self) -> Tensor:
-        """(N, numbers) `fields` as they are, one after the other."""
+        """(N, numbers) current values of `fields`, one after the other."""
         return torch.cat([value.flatten(1) for value in self.data.values()], dim=1)
 
     def read(self, field: str) -> Tensor:
@@ -119,7 +119,7 @@ class LiftedTask(PaidTask):
         return torch.where(late.isnan(), now, late)
 
     def place(self) -> Tensor:
-        """(N, 2) [m] that speeds are taken of."""
+        """(N, 2) position from which speeds are computed [m]."""
         return self.qpos[:, :2].clone()
 
     def speed(self) -> Tensor:
@@ -128,7 +128,7 @@ class LiftedTask(PaidTask):
         return torch.where((self.progress == 0)[:, None], 0.0, moved)
 
     def effort(self) -> Tensor:
-        """(N,) sum of the squares of the controls that were asked for; a drawn delay has others act."""
+        """(N,) sum of the squares of the controls that were asked for; with a randomised delay, others act."""
         return (self.middle + self.half * self.actions).square().sum(1)
 
     def previous_observation(self, observation: Tensor) -> Tensor:

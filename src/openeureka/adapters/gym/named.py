@@ -36,15 +36,15 @@ _BARE = (TimeLimit, OrderEnforcing, PassiveEnvChecker)
 
 
 def imports(name: str, settings: Mapping[str, str]) -> bool:
-    """Whether making it imports a module, or reads a file, of the name's own choice."""
+    """Whether making the environment imports a module or reads a file that the name or the settings choose."""
     return ":" in name or not set(settings) <= {*OURS, "episode_length"}
 
 
 def dealt(settings: Mapping[str, str], named: Collection[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
-    """Those for the environment's constructor, as values, and class attributes of the task.
+    """The settings for the environment's constructor, as values, and those for class attributes of the task.
 
     Args:
-        named: what the constructor names among its parameters, which then is no attribute.
+        named: parameters of the constructor, which then do not count as attributes.
     """
     attributes = {key for key in settings if hasattr(Task, key) or key in Task.__annotations__}.difference(named)
     own = {key: text for key, text in settings.items() if key in attributes.union(OURS) and key != "fitness"}
@@ -52,7 +52,7 @@ def dealt(settings: Mapping[str, str], named: Collection[str] = ()) -> tuple[dic
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
-    """The class of a Gymnasium id, and those settings that are left to set of it.
+    """The task class of a Gymnasium id, and the settings that remain to be set on the class.
 
     Args:
         env: the whole of what `env=` says.
@@ -97,8 +97,8 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
 
 
 def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
-    """What a lifted task takes from the instance; nothing for an environment that is none of the families, that
-    wraps one, or that is made to pay otherwise: its reward, actions or observation may be others."""
+    """What a lifted task takes from the instance. Empty for an environment that belongs to no family, has a wrapper
+    beyond `_BARE` or does not fit its family's formulas: its reward, actions or observation may differ."""
     inner: Any = env
     while type(inner) in _BARE:
         inner = inner.env
@@ -108,7 +108,7 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     family = FAMILIES[kind.__name__]
     if not family.fits(inner):
         return {}
-    # Euler's rule leaves behind what its last substep began with.
+    # An Euler step leaves fields computed for the state that its last substep began with.
     lags = bool(family.fields) and inner.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     return {
         "path": inner.fullpath,
@@ -142,7 +142,7 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
             except TypeError as fault:
                 if "render_mode" not in str(fault):
                     raise
-                return make()  # its class says that it can be drawn, and its constructor takes no word of it
+                return make()  # its class lists the mode, but its constructor does not take `render_mode`
         except error.DependencyNotInstalled as fault:
             raise TaskError(
                 f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
@@ -161,7 +161,7 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
 
 
 def _parameters(name: str) -> Collection[str]:
-    """What the constructor names among its parameters; nothing where it cannot be had, and `_make` says why."""
+    """Names of the constructor's parameters; none if it cannot be loaded, and `_make` says why."""
     package, _, bare = name.rpartition(":")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -174,7 +174,8 @@ def _parameters(name: str) -> Collection[str]:
 
 
 def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> str:
-    """What was set and no constructor takes, where that is the fault: Python names the constructor of a base class."""
+    """Names the setting that the constructor does not take, if that is the fault: Python's own message would name the
+    constructor of a base class."""
     name = next((key for key in keywords if f"unexpected keyword argument '{key}'" in str(fault)), "")
     known = inspect.signature(_maker(gymnasium.spec(bare))).parameters if name else {}
     return f"it takes no `{name}`.{nearest(name, known)}" if name else ""

@@ -1,4 +1,4 @@
-"""Observations of any space as one vector with named parts; actions in [-1, 1] or of choices, as a space wants them."""
+"""Observations of any space as one vector with named parts; a policy's actions as an environment's space wants them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ...errors import TaskError
 from ...tasks.choices import indices
 
 PICTURE = 32
-"""Rows and columns of the smallest."""
+"""Rows and columns of the smallest picture."""
 UNBOUNDED = 1e10
-"""A bound as far away as this is none. It is what dm_control writes for none; others write the largest number."""
+"""A bound of this size or more counts as none. dm_control writes this number for no bound; others write the largest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Part:
     """Keys that lead to it; none where the whole observation is one array."""
     space: Space[Any]
     shape: tuple[int, ...]
-    """In the vector, where whole numbers are ones among zeros."""
+    """In the vector, where whole numbers are one-hot."""
 
     @property
     def size(self) -> int:
@@ -36,7 +36,7 @@ class Part:
 
     @property
     def counted(self) -> bool:
-        """Whether its columns are ones among zeros, for whole numbers."""
+        """Whether it holds whole numbers, so that its columns are one-hot."""
         return isinstance(self.space, spaces.Discrete | spaces.MultiDiscrete)
 
     @property
@@ -53,7 +53,7 @@ class Part:
         return [f"1 where it observes {value}, else 0" for value in seen]
 
     def of(self, observation: Any) -> np.ndarray:
-        """What it is in an observation, or in a batch of them."""
+        """The array's value in an observation, or in a batch of them."""
         for key in self.path:
             observation = observation[key]
         return np.asarray(observation)
@@ -70,7 +70,7 @@ class Part:
 
 
 def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
-    """(N, sum(counts)) ones among zeros, of whole numbers (N, len(counts)). Raises ValueError for one out of range."""
+    """(N, sum(counts)) one-hot form of whole numbers (N, len(counts)). Raises ValueError for one out of range."""
     for i, count in enumerate(counts):
         if not ((values[:, i] >= 0) & (values[:, i] < count)).all():
             raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the first of its space")
@@ -83,7 +83,7 @@ def parts(space: Space[Any], env: str) -> tuple[Part, ...]:
     """The arrays of an observation, without its texts.
 
     Raises:
-        TaskError: where one has no fixed size, or there is none.
+        TaskError: where one is a picture or has no fixed size, or where there is no array.
     """
     found = tuple(_parts(space, (), env))
     if not found:
@@ -111,7 +111,7 @@ def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator
 
 
 def _is_picture(space: spaces.Box) -> bool:
-    """Bytes in rows and columns, and more of them than the cells that an agent sees of a grid."""
+    """Whether a space holds bytes in rows and columns, more of them than an agent sees of a grid world."""
     return space.dtype == np.uint8 and len(space.shape) >= 2 and sorted(space.shape)[-2] >= PICTURE
 
 
@@ -122,13 +122,13 @@ class Actions:
     space: Space[Any]
     size: int
     choices: tuple[int, ...] = ()
-    """Empty for a Box."""
+    """Number of options of each choice; empty for a Box."""
 
     def taken(self, actions: Tensor) -> np.ndarray:
-        """(N, size) actions as the environment takes them, with a leading axis N.
+        """Actions (N, size) as the environment takes them, with a leading axis N.
 
-        A number of a Box without bounds is the action itself. Where 0 is beyond its only bound, an action of 0 is one
-        away from that: a policy begins near 0, and would be stuck at the bound.
+        A number of a Box without bounds is the action itself. With one bound it is shifted, if needed, so that an
+        action of 0 is at least 1 inside the bound: a policy begins near 0 and would be stuck at the bound.
         """
         space = self.space
         if isinstance(space, spaces.Box):
@@ -144,8 +144,8 @@ class Actions:
         return picked.reshape(-1, *(space.shape or ())).astype(space.dtype)
 
     def seen(self, actions: Tensor) -> Tensor:
-        """(N, size) actions as rewards see them: what was taken, in [-1, 1]. It was rounded in a Box of whole numbers,
-        and is 0 where there is one value alone."""
+        """Actions (N, size) as rewards see them: what the environment took, in [-1, 1]. In a Box of whole numbers they
+        are rounded; where only one value is possible, they are 0."""
         if not isinstance(self.space, spaces.Box):
             return actions
         *_, middle, half = _range(self.space)
@@ -156,7 +156,7 @@ class Actions:
         return torch.from_numpy(np.clip(scaled, -1.0, 1.0).astype(np.float32))
 
     def told(self) -> dict[str, list[float]]:
-        """What actions of -1 and 1 are in a Box; of choices, how many options each has, and what the first one is."""
+        """For a Box, what actions of -1 and 1 stand for; for choices, how many options each has, and the first one."""
         if not self.choices:
             low, high = self.taken(torch.tensor([[-1.0], [1.0]]).expand(2, self.size)).reshape(2, -1).tolist()
             return {"action_low": low, "action_high": high}
@@ -166,12 +166,12 @@ class Actions:
 
 
 def _range(space: spaces.Box) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(size,) bounds, what an action of 0 is, and how far one of 1 is from that."""
+    """(size,) each: lower and upper bounds, what an action of 0 stands for, and how far from that an action of 1 is."""
     low, high = (side.reshape(-1).astype(np.float64) for side in (space.low, space.high))
     low = np.where(np.abs(low) < UNBOUNDED, low, -np.inf)
     high = np.where(np.abs(high) < UNBOUNDED, high, np.inf)
     bounded = np.isfinite(low) & np.isfinite(high)
-    with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
+    with np.errstate(invalid="ignore"):  # from sides without a bound, which are not used
         middle = np.where(bounded, (low + high) / 2, np.clip(0.0, low + 1.0, high - 1.0))
         half = np.where(bounded, (high - low) / 2, 1.0)
     return low, high, middle, half

@@ -1,4 +1,4 @@
-"""What an instance of an environment tells of itself: its spaces, its episode, what `info` holds, its documentation."""
+"""Surveys an instance of an environment: its spaces, its episode, what `info` holds, its documentation."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from . import documents
 from .spaces import Actions, Part, actions, parts
 
 LONGEST = 1000
-"""[steps] of an episode that the environment itself never cuts off."""
+"""Longest episode, if the environment itself sets no limit [steps]."""
 MAX_COLUMNS = 64
-"""Columns of an observation that get names of their own."""
+"""Most columns of an observation without documented names that each get a name."""
 _LARGEST = float(np.finfo(np.float32).max)
 _TRIED = 8
-"""Random steps in which `info` shows what it holds."""
+"""Random steps that are played to see what `info` holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Survey:
-    """An environment as a task needs it."""
+    """What a task needs to know of an environment."""
 
     env: str
     parts: tuple[Part, ...]
     actions: Actions
     steps: int
-    """After which an episode is cut off."""
+    """Steps after which an episode is cut off."""
     dt: float
     """[s] between two actions; 1 where nothing says how long."""
     infos: Mapping[str, tuple[int, ...]]
@@ -48,12 +48,12 @@ class Survey:
 
     @property
     def size(self) -> int:
-        """Of the observation, O."""
+        """Numbers in an observation, O."""
         return sum(part.size for part in self.parts)
 
 
 def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) -> Survey:
-    """Plays a few random steps, and on to the end of an episode where they do not show what is wanted.
+    """Plays a few random steps and, if they do not show all that is wanted, on to the end of an episode.
 
     Args:
         wanted: names that F needs.
@@ -83,14 +83,14 @@ def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) 
     unseen = wanted.difference(found.infos, (variable.name for variable, _ in variables(found)))
     if not unseen:
         return found
-    # The rest of what an end shows stays out: rewards read the same of an environment, whatever its F is.
+    # Anything else that only the end shows is left out: what rewards may read should not depend on F.
     late = {name: shape for name, shape in _shapes([*infos, *_play_on(env, found.steps)]).items() if name in unseen}
     return replace(found, infos={**found.infos, **late})
 
 
 def _is_as_documented(env: Env[Any, Any]) -> bool:
-    """Whether it observes what its class documents: no wrapper, and no class without words of its own, makes another
-    observation."""
+    """Whether the environment observes what its class documents: neither a wrapper nor a subclass without a docstring
+    changes the observation."""
     inner = env
     while inner is not env.unwrapped:
         if isinstance(inner, ObservationWrapper):
@@ -102,7 +102,7 @@ def _is_as_documented(env: Env[Any, Any]) -> bool:
 
 
 def _structure(env: Env[Any, Any]) -> dict[str, int]:
-    """As Gymnasium's MuJoCo environments call the sizes of what their observation is made of."""
+    """Names and sizes of the parts of an observation, as Gymnasium's MuJoCo environments tell them."""
     told = getattr(env.unwrapped, "observation_structure", None)
     if not isinstance(told, dict):
         return {}
@@ -110,7 +110,7 @@ def _structure(env: Env[Any, Any]) -> dict[str, int]:
 
 
 def _own_limit(env: Env[Any, Any]) -> int | None:
-    """Environments that cut their episodes off themselves tend to call the limit so."""
+    """The limit `max_steps`, as environments that cut off episodes themselves tend to call it."""
     limit = getattr(env.unwrapped, "max_steps", None)
     return limit if isinstance(limit, int) and limit > 0 else None
 
@@ -125,9 +125,9 @@ def _dt(env: Env[Any, Any]) -> float:
 
 
 def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
-    """What a few random steps show: observations, and `info` of each, with that of the start of another episode."""
+    """Observations and `info` of a few random steps, and `info` of the start of one more episode."""
     env.action_space.seed(0)
-    seen, info = env.reset(seed=0, options={})  # as worlds are: with options
+    seen, info = env.reset(seed=0, options={})  # with options, as worlds are reset
     observed, infos = [seen], [dict(info)]
     for _ in range(_TRIED):
         seen, _, terminated, truncated, info = env.step(env.action_space.sample())
@@ -139,7 +139,7 @@ def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
 
 
 def _play_on(env: Env[Any, Any], steps: int) -> list[dict[str, Any]]:
-    """`info` of each random step of an episode, to its end or for so many steps."""
+    """`info` of each random step of an episode, to its end or for `steps` steps."""
     infos: list[dict[str, Any]] = []
     env.reset(seed=1, options={})
     for _ in range(steps):
@@ -152,7 +152,7 @@ def _play_on(env: Env[Any, Any], steps: int) -> list[dict[str, Any]]:
 
 
 def _shapes(infos: Iterable[Mapping[Any, Any]]) -> dict[str, tuple[int, ...]]:
-    """Of what in `info` is numbers, always as many."""
+    """Shapes of the entries of `info` that hold numbers, always in the same shape."""
     shapes: dict[str, set[tuple[int, ...] | None]] = {}
     for name, value in (pair for info in infos for pair in info.items()):
         if value is not None and isinstance(name, str) and name.isidentifier():
@@ -166,9 +166,9 @@ def _shape(value: Any) -> tuple[int, ...] | None:
 
 
 def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tuple[StateVar, slice | str], ...]:
-    """What rewards may read, with where it is: columns of the observation, or a name of `info`.
+    """The variables that rewards may read, each with its place: columns of the observation, or a name of `info`.
 
-    Of `info` what is in `hidden`, and what by its name gives away what counts, is left out.
+    Entries of `info` are left out if they are in `hidden` or if their name hints at reward or success.
     """
     if found.named:
         unsaid = hidden.union(documents.TAKEN)
@@ -188,7 +188,7 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
     if single is not None:
         if len(single.shape) != 1:
             return []
-        # A table of whole numbers names those, not the ones among zeros that stand for them.
+        # A table of whole numbers names the numbers, not their one-hot columns.
         bare = documents.bare(found.env)
         named = documents.columns(found.document, bare, single.size) if not single.counted else []
         if not named and single.size <= MAX_COLUMNS:

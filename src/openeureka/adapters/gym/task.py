@@ -21,7 +21,8 @@ from .survey import Survey, action_meaning, variables
 from .worlds import GymWorlds
 
 SUCCESS = ({"is_success"}, {"success"})
-"""What F names where it is whether an episode ends in success, which `info` says in every step or at the end alone."""
+"""If `fitness=` names one of these alone, F is whether an episode ends in success. `info` may have it in every step or
+at the end only."""
 CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
 DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
 
@@ -30,8 +31,8 @@ Info = Mapping[str, Tensor]
 
 
 class PaidTask(Task):
-    """What is known of an environment by what it observes, says and pays: the last is the human reward, and F its sum
-    over an episode, or what `fitness=` says."""
+    """A task that knows an environment by its observation, its `info` and its reward. That reward is the human reward;
+    F is its sum over an episode, or what `fitness=` says."""
 
     suite = "gymnasium"
     memory = ("returned",)
@@ -41,16 +42,16 @@ class PaidTask(Task):
     places: ClassVar[Mapping[str, slice | str]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
     keywords: ClassVar[Mapping[str, Any]] = {}
-    """What the environment's constructor takes beside its id."""
+    """What the environment's constructor is given besides its id."""
     step_fitness: Callable[[Tensor, Info], Tensor] | None = None
     """F of a step, from `observation` and `info`; None for the sum of the environment's reward."""
     at_end: ClassVar[bool] = True
-    """Whether F is taken at the end of an episode, else in every step."""
+    """Whether F is taken at the end of an episode or, if not, in every step."""
 
     def __init__(self, sim: Any, noise: WorldNoise) -> None:
         super().__init__(sim, noise)
         self.paid = torch.zeros(self.num_envs, device=self.device)
-        """What the environment's own reward was in the last step."""
+        """The environment's own reward in the last step."""
         self.returned = torch.zeros(self.num_envs, device=self.device)
         """Its sum over the episode so far."""
         self.shapes = {variable.name: variable.shape for variable in self.spec.variables}
@@ -73,7 +74,7 @@ class PaidTask(Task):
 
     @abstractmethod
     def previous_observation(self, observation: Tensor) -> Tensor:
-        """(N, O) that before the last step, fresh; `observation`, that of now, at the start of an episode."""
+        """(N, O) observation before the last step, fresh; at the start of an episode, the current `observation`."""
 
     @abstractmethod
     def info(self) -> Mapping[str, Tensor]:
@@ -94,7 +95,7 @@ class PaidTask(Task):
         return s["obs_buf"]
 
     def outcome(self, s: State) -> Tensor:
-        """What F gains in this step: where it is taken at the end of an episode, 0 before."""
+        """What F gains in this step. If F is taken at the end of an episode, 0 before the end."""
         terminated = self.terminated(s)
         self.paid = self.env_reward(terminated)
         self.returned = self.returned + self.paid
@@ -162,7 +163,7 @@ class GymTask(PaidTask):
         return super().timed_out(s) | self.gym.truncated
 
     def reset(self, worlds: Tensor) -> None:
-        # Two numbers, as one has 24 bits, and some environments take their level from the last bits of the seed.
+        # Two draws, as one has 24 random bits only, and some environments choose their level by the seed's last bits.
         high, low = self.noise.uniform(worlds, 2, 0.0, 2.0**16).long().unbind(1)
         self.gym.seeds[worlds] = (high << 15) | (low >> 1)  # 31 bits: NumPy's old generators take no more than 32
         self.returned[worlds] = 0.0
@@ -173,7 +174,7 @@ def cut(
 ) -> dict[str, Tensor]:
     """Variables by name, taken from their places in an observation (N, O) and in `info`.
 
-    Raises TaskError where a task file names what there is not.
+    Raises TaskError where a task file names a variable or an entry of `info` that does not exist.
     """
     for name, place in places.items():
         if name not in shapes:
@@ -190,11 +191,11 @@ def cut(
 
 
 def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
-    """What a `PaidTask` says of one environment.
+    """Class attributes of the `PaidTask` of one environment.
 
     Args:
         name: as `env=` names it.
-        found: what an instance told.
+        found: the survey of an instance.
         fitness: an expression over state variables and `info`, or empty.
 
     Raises:
@@ -208,7 +209,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         StateVar("actions", action_meaning(found), (found.actions.size,)),
     ]
     succeeds = named in SUCCESS
-    # A prompt has it: the expression would betray F.
+    # A prompt shows the unit, so it must not hold the expression, which would give F away.
     unit = "mean of a number over steps" if fitness else "sum of the environment's reward over an episode"
     return {
         "env": name,
@@ -231,7 +232,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
 
 
 def _step_fitness(found: Survey, fitness: str) -> tuple[Callable[[Tensor, Info], Tensor], frozenset[str]]:
-    """F of a step, and the names in it: the environment's, whatever a task file calls them."""
+    """F of a step, and the names in its expression: the environment's own, whatever a task file calls them."""
     known = variables(found)
     shapes = {**found.infos, **{variable.name: variable.shape for variable, _ in known}}
     value, named = formula(fitness, shapes)

@@ -17,11 +17,12 @@ from .survey import Survey
 
 
 class Together(SyncVectorEnv):
-    """Worlds that are reset by a mask alone: who steps them also ends episodes earlier.
+    """Worlds that never reset themselves, only by a mask: the caller ends some episodes early.
 
-    Of `info` it keeps the numbers in `infos`, with their shapes. Gymnasium's own keeps all, in the type that the first
-    world has: 0.9 beside a 1 is cut to 0. What has another shape later counts as not said: a search
-    would end for it after hours. It does end for what is `wanted` for F.
+    Of `info`, the numbers in `infos` are kept, as float32 of the shapes given there. Gymnasium's own class keeps all,
+    in the type that the first world has: 0.9 in a later world is cut to 0 if the first has an integer. A value whose
+    shape changes later is ignored, as an error would end a search after hours. Only if F needs it (`wanted`), it is an
+    error.
     """
 
     def __init__(
@@ -44,21 +45,21 @@ class Together(SyncVectorEnv):
 
 
 class GymWorlds(Worlds):
-    """Worlds that are reset when they are told to, each time with a seed of its own: an episode is then the same
-    whatever ran before and beside it.
+    """Worlds that are reset when they are told to, each time with a new seed: an episode does not depend on what ran
+    before it or in other worlds.
 
-    Nobody can save the state of any environment. But a seed and the actions since lead to it again, so these are its
-    memory; going on from it plays the episode of each world once more. An environment that draws numbers elsewhere than
-    from its seed goes on from another state.
+    The state of an arbitrary environment cannot be saved. But a seed and the actions since then lead to it again, so
+    these are saved, and loading them replays the current episode of each world. An environment that draws random
+    numbers from anywhere but its seed goes on from another state.
 
     Args:
         make: makes one environment.
-        found: what one tells of itself.
-        name: of it, for sentences.
-        episode: [steps] that one lasts at most.
+        found: the survey of one.
+        name: the environment's name in messages.
+        episode: longest episode [steps].
 
     Attributes:
-        seeds: (N,) int64, that the next `forward` resets with.
+        seeds: (N,) int64, with which the next `forward` resets.
         observation, previous: (N, O) float32, now and before the last step.
         reward: (N,) float32, the environment's own.
         terminated, truncated: (N,) bool, as the environment says of the last step.
@@ -103,13 +104,13 @@ class GymWorlds(Worlds):
 
     def _keep(self, each: Tensor) -> None:
         """Remember `action` in each world (N,)."""
-        if int(self._steps.max()) >= self._taken.shape[1]:  # whose time-out somebody put off
+        if int(self._steps.max()) >= self._taken.shape[1]:  # the caller put off a time-out
             self._taken = torch.cat((self._taken, torch.zeros_like(self._taken)), dim=1)
         self._taken[each, self._steps] = self.action
         self._steps += 1
 
     def reset(self, worlds: Tensor) -> None:
-        """Their seeds say how, at `forward`."""
+        """Nothing to do before `forward`, which resets these worlds with their `seeds`."""
 
     def forward(self, worlds: Tensor) -> None:
         """Begin an episode in these worlds (k,)."""
@@ -143,7 +144,7 @@ class GymWorlds(Worlds):
             value.copy_(kept[name])
 
     def _replay(self, taken: Tensor, steps: Tensor) -> None:
-        """Play the actions (N, T, A) of the episodes under way, of which `steps` (N,) are taken, from their starts."""
+        """Replay each world's current episode from its start: the first `steps` (N,) of its actions (N, T, A)."""
         for world, env in enumerate(self._vector.envs):
             for action in self._actions.taken(taken[world, : int(steps[world])]):
                 self._ask(lambda env=env, action=action: env.step(action))
@@ -163,7 +164,7 @@ class GymWorlds(Worlds):
         try:
             picture = self._ask(self._vector.envs[world].render)
         except TaskError as fault:
-            if isinstance(fault.__cause__, NotImplementedError):  # of the base class: it only says that it draws
+            if isinstance(fault.__cause__, NotImplementedError):  # by the base class: it cannot draw after all
                 return None
             raise
         return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None
