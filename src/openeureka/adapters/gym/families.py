@@ -11,7 +11,7 @@ from torch import Tensor
 from ...tasks.task import State
 from .lifted import LiftedTask
 
-FASTEST = 10.0
+LARGEST = 10.0
 """Limit of speeds, and of one force, in observations that clip them."""
 
 
@@ -23,7 +23,7 @@ class Runner(LiftedTask):
     """Whether the observation clips speeds."""
 
     def observation(self) -> Tensor:
-        speeds = self.qvel.clamp(-FASTEST, FASTEST) if self.clipped else self.qvel
+        speeds = self.qvel.clamp(-LARGEST, LARGEST) if self.clipped else self.qvel
         return torch.cat((self.qpos[:, self.skipped :], speeds), dim=1)
 
     def info(self) -> Mapping[str, Tensor]:
@@ -235,8 +235,8 @@ class InvertedDoublePendulum(LiftedTask):
 
     def observation(self) -> Tensor:
         angles = self.qpos[:, 1:]
-        pushed = self.read("qfrc_constraint").clamp(-FASTEST, FASTEST)[:, :1]
-        speeds = self.qvel.clamp(-FASTEST, FASTEST)
+        pushed = self.read("qfrc_constraint").clamp(-LARGEST, LARGEST)[:, :1]
+        speeds = self.qvel.clamp(-LARGEST, LARGEST)
         return torch.cat((self.qpos[:, :1], angles.sin(), angles.cos(), speeds, pushed), dim=1)
 
     def tip(self) -> Tensor:
