@@ -1,6 +1,6 @@
 """A language model writes reward functions. Policies train under them and show which one works.
 
-What a Python program calls stands here. Errors are imported at once, all else when it is first used.
+This module offers what Python programs call. Errors are imported at once, everything else on first use.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ _PLACES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """Torch, MuJoCo and the rest take seconds to load, and who asks for a version needs none of them."""
+    """Import a name on first use: torch, MuJoCo and the rest take seconds to load, and many callers need none."""
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)

@@ -1,4 +1,4 @@
-"""Where the `eureka` command and `python -m openeureka` begin: Ctrl-C while the rest loads ends it without a word."""
+"""Entry point of the `eureka` command and `python -m openeureka`: Ctrl-C while modules load ends it without a word."""
 
 import signal
 from types import FrameType
@@ -11,11 +11,11 @@ def main() -> None:
 
         main()
     except KeyboardInterrupt:
-        raise SystemExit(130) from None  # `errors.Interrupted` may be what is not loaded yet
+        raise SystemExit(130) from None  # `errors.Interrupted` may not be imported yet
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:
-    """As Ctrl-C, also where a shell's background process ignores that. A second one does not wait."""
+    """Do as Ctrl-C does, also in a shell's background process, which ignores Ctrl-C. A second SIGTERM kills at once."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     interrupted = signal.getsignal(signal.SIGINT)
     (interrupted if callable(interrupted) else signal.default_int_handler)(number, frame)

@@ -1,11 +1,11 @@
 """Nouns as JSON text and back: the one format of stores, of frames between processes and of graphs.
 
-What is written is strict JSON in ASCII, half a character included, so that any file and any database holds it. What is
-read may come from anybody: it is the noun that was asked for, field by field, or a `DecodeError`. Fields that are not
-there have their defaults, unknown ones are left out.
+Output is strict JSON in ASCII, lone surrogates included, so that any file and any database can hold it. Input may come
+from anyone: `decode` returns the noun that was asked for, checked field by field, or raises `DecodeError`. Missing
+fields get their defaults; unknown ones are dropped.
 
-A number that is not finite is written `{"float": "inf"}`. Runs of older versions hold the token `Infinity` in graphs,
-which is read as well; wherever else a noun has a number, its type refuses both.
+A number that is not finite is written `{"float": "inf"}`. Graphs in runs of older versions hold the token `Infinity`,
+which is read as well. Any other number of a noun has a type that refuses both.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def decode(kind: type[T], text: str | bytes) -> T:
 
 
 def _parsed(text: str | bytes) -> Any:
-    # msgspec takes a sixth of the time over curves. It knows neither numbers that are not finite nor half characters.
+    # msgspec takes a sixth of the time over curves. It refuses numbers that are not finite, and lone surrogates.
     odd = b'"float"' in text if isinstance(text, bytes) else '"float"' in text
     if not odd:
         with suppress(ValueError, RecursionError):
@@ -59,7 +59,7 @@ def plain(noun: object) -> Any:
 
 
 def defined(noun: object) -> Any:
-    """As `plain`, with None for numbers that are not finite: an undefined one stays undefined, and never becomes 0."""
+    """As `plain`, with None in place of numbers that are not finite: an undefined number never becomes 0."""
     return _numbers(plain(noun), lambda _: None)
 
 

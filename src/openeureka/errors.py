@@ -48,7 +48,7 @@ class BudgetError(EurekaError):
 
 
 class StoreError(EurekaError):
-    """A run directory that cannot be opened, is locked, or a disk that is full."""
+    """A run directory that cannot be opened or is locked, or a disk that is full."""
 
     exit_code = 5
 
@@ -58,17 +58,17 @@ class NotBegun(StoreError):
 
 
 class FeedbackError(EurekaError):
-    """Something said to a run that does not listen, or about a candidate that is not there."""
+    """Feedback to a run that takes none, or about a candidate that does not exist."""
 
 
 class SandboxUnavailable(EurekaError):
-    """The kernel lacks what confinement needs, or the machine is too busy to judge anything."""
+    """The kernel lacks what confinement needs, or the machine is too busy to check a program."""
 
     exit_code = 6
 
 
 class WorkerError(EurekaError):
-    """A worker process died or hung more often than it may."""
+    """A worker process died or hung more often than is allowed."""
 
     exit_code = 7
 
@@ -77,7 +77,7 @@ _USED_UP = {errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
 
 
 def lacking(error: OSError) -> str:
-    """What a machine has no more of or lacks, and what to do; empty where the error speaks of something else."""
+    """Which resource the machine lacks or has used up, and what to do; empty for any other error."""
     if error.errno in _USED_UP:
         return (
             f"This machine gives no more processes, open files or memory ({error.strerror}): raise `ulimit -u` and "

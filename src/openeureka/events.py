@@ -1,4 +1,4 @@
-"""What a run tells while it goes on. A run that nobody listens to is the same run."""
+"""Events that a run reports while it goes on. A run that nobody listens to is the same run."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Phase = Literal["sample", "check", "train", "play", "feedback", "final", "polish
 
 @dataclass(frozen=True, slots=True)
 class Began:
-    """A phase begins: of a generation, of a round in which `tune` tries numbers, or of what has neither, as the final
-    trainings. `feedback` waits for a person."""
+    """A phase begins: of a generation, of a round in which `tune` tries numbers, or of neither, such as the final
+    trainings. In the phase `feedback` the run waits for a person."""
 
     phase: Phase
     generation: int | None = None
@@ -24,7 +24,7 @@ class Began:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The model begins to write for these slots; some of them for another time."""
+    """The model begins to write for these slots. A slot may be asked for more than once."""
 
     slots: tuple[int, ...]
 
@@ -46,27 +46,27 @@ class Checked:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What lanes score by now, by id, since their policies were played; the stored ones come again."""
+    """Scores of lanes, by id, after their policies were played. Scores from the store are reported again."""
 
     scores: Mapping[str, Evaluation]
 
 
 Event = Began | Asked | Replied | Checked | TrainingProgress | TrainingResult | Played | Generation | Outcome
-"""In the order in which it happens, and after it is stored. `TrainingProgress` comes about once a second while lanes
-train, a `TrainingResult` when one of them is done, a `Generation` when all of it is, the `Outcome` when a search is. A
-resumed run begins with the generations that it found in the store."""
+"""Events come in the order in which things happen, each after it is stored. `TrainingProgress` comes about once a
+second while lanes train, a `TrainingResult` when a lane is done, a `Generation` when all of it is done, the `Outcome`
+when a search is. A resumed run begins with the generations that it found in the store."""
 
 Tell = Callable[[Event], object]
-"""Called from the thread of the run; must return soon. What it raises ends the run, and KeyboardInterrupt stops it as
-Ctrl-C does."""
+"""A listener, called from the thread of the run; it must return soon. What it raises ends the run, and
+KeyboardInterrupt stops it as Ctrl-C does."""
 
 
 def nobody(event: Event) -> None:
-    """Looks away."""
+    """A listener that ignores every event."""
 
 
 def everyone(*listeners: Tell) -> Tell:
-    """Tells several, in order."""
+    """One listener that tells several, in order."""
 
     def tell(event: Event) -> None:
         for listener in listeners:

@@ -1,6 +1,6 @@
 """The method on one screen: ask, sample, check, train, play, reflect; in the end, confirm the best reward.
 
-Every step goes through the store: what is there is read, what is missing is done. To resume is to run again.
+Every step goes through the store: finished steps are read, missing ones are done. To resume is to run again.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def run(
     tell: Tell,
     desk: Desk,
 ) -> Outcome:
-    """Search for `config.generations` generations, less those in the store, then confirm the best reward. Fit its
-    numbers and carry its policy on, where the settings say so.
+    """Run the generations that the store lacks, up to `config.generations`, then confirm the best reward. Where the
+    settings say so, fit that reward's numbers and train its policy further.
 
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
@@ -46,13 +46,13 @@ def run(
     history = store.history()
     for generation in history.generations:
         tell(generation)
-    history = history.rescored(lanes.play(history.lanes))  # finds nothing to do unless it was stopped while they played
+    history = history.rescored(lanes.play(history.lanes))  # does nothing unless the run was stopped during it
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
         plans = asked(strategy, history, Random(f"{config.seed}/{index}"), config.sample)
         samples = sampler.initial() if config.init and not index else screen.fill(index, plans, sampler, lanes, history)
-        model.close()  # an embedded model must not run while training does: they fight for the same cores
+        model.close()  # an embedded model must not run while training does: both would compete for the same cores
 
         tell(Began("train", index))
         wanted = deal(programs(samples), [config.seed], "candidate")
@@ -69,7 +69,7 @@ def run(
         store.save_generation(history.generations[-1])
         tell(history.generations[-1])
 
-    history = hearing.hear(history)  # where votes decide, the last generation needs some too
+    history = hearing.hear(history)  # where votes decide, the last generation needs votes too
     if not tuning.begun(store):
         race.conclude(history, lanes)
     winner = history.entry(store.crown()) or Ranking(history).best

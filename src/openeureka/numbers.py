@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from .types import Evaluation
 
 LARGE = 1e6
-"""From here on numbers are written with an exponent."""
+"""From this size on, numbers are written with an exponent."""
 BLOCKS = "▁▂▃▄▅▆▇█"
 
 
@@ -29,7 +29,7 @@ def scored(score: Evaluation | None) -> str:
 
 
 def within(value: float | None, error: float) -> str:
-    """A value and its error, of which two digits say something; the value ends where those do."""
+    """A value and its error: the error has two significant digits, and the value ends at the same decimal place."""
     told = number(error, 2)
     if value is None or not error or not math.isfinite(value) or "e" in told or abs(value) >= LARGE:
         return f"{number(value)} ± {told}"
@@ -38,7 +38,7 @@ def within(value: float | None, error: float) -> str:
 
 
 def spread(values: Sequence[float | None]) -> str:
-    """Mean and, for several values, sample standard deviation of the defined ones; says how many are undefined."""
+    """Mean of the defined values and, for several, their sample standard deviation; says how many are undefined."""
     defined = [value for value in values if value is not None]
     if not defined:
         return "-"
@@ -49,10 +49,10 @@ def spread(values: Sequence[float | None]) -> str:
 
 
 def sparkline(values: Sequence[float | None], width: int) -> str:
-    """A curve in at most `width` characters, from its least to its largest value; a gap where it is undefined, `-`
-    where it always is."""
+    """A curve in at most `width` characters, scaled from its least to its largest value: a space where it is undefined,
+    `-` if it is undefined throughout."""
     every = max(1, -(-len(values) // width))
-    kept = values[::-1][::every][::-1]  # the newest is among them
+    kept = values[::-1][::every][::-1]  # keeps the newest value
     defined = [value for value in kept if value is not None]
     if not defined:
         return "-"

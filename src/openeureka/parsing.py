@@ -1,4 +1,4 @@
-"""Config dataclasses from `key=value` words, from Python values and from what is stored."""
+"""Builds config dataclasses from `key=value` words, from Python values and from stored settings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from yaml import SafeLoader
 
 _LONGEST = 4096
-"""Characters of a setting: those of the longest path."""
+"""Most characters of a setting: the length of the longest path."""
 _CODE = r"()(.+\.py)(:.*)?"
 _FILES = {
     "env": r"((?:python:)?)(?!gym(?:-asis)?:)(.+\.py)([:+].*)?",
@@ -34,22 +34,23 @@ _FILES = {
     "model": r"(replay:|local:(?!hub:)|(?=.+\.py:))(.+?)((?<=\.py):.+)?",
 }
 _PLACES = {"beside", "dir", "out", "policy", "reward"}
-"""Settings of one command, which names files as its shell does: not every shell knows `~` behind an equals sign."""
+"""Settings that name files for one command only, from the working directory. `~` is expanded here, since not every
+shell expands it after an equals sign."""
 
 _PYTHON = "python"
-"""Goes with `env`, and is no setting of its own, see `elsewhere`."""
+"""Given together with `env`, and not a setting by itself: see `elsewhere`."""
 _hints = cache(get_type_hints)
-"""Evaluating the annotations of a config takes longer than reading one."""
+"""Cached: evaluating the annotations of a config takes longer than reading one."""
 
 
 def is_setting(word: str) -> bool:
-    """Whether a word of a command line is `key=value`; a path may hold an equals sign after a slash: `./lr=3`."""
+    """Whether a word of a command line is `key=value`. A path with an equals sign has a slash before it: `./lr=3`."""
     return re.match(r"\w+=", word) is not None
 
 
 def command_line(*words: object) -> str:
-    """What a person types for `eureka` with these words: a directory with a space is in quotes, and one that looks like
-    a setting or an option is told from it by a dot."""
+    """The command line that runs `eureka` with these words, as a person types it. A path with a space is quoted; one
+    that looks like a setting or an option begins with `./`."""
 
     def typed(word: object) -> str:
         if not isinstance(word, Path):
@@ -61,19 +62,19 @@ def command_line(*words: object) -> str:
 
 
 def whole_path(path: str | PathLike[str]) -> Path:
-    """The path as it is found from any working directory, `~` being the home directory. No link is followed: it is
-    shown as somebody typed it."""
+    """The absolute path, with `~` expanded. Links are not followed, so that people see the path that they typed."""
     return Path(os.path.abspath(os.path.expanduser(path)))
 
 
 def short_path(path: Path) -> Path:
-    """The path for people: from the working directory, where it is below that."""
+    """The path as shown to people: relative to the working directory if it lies below that."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:
-    """The whole path of a file that a setting names from a folder, so that it is found from any directory."""
+    """The value of a setting, with the file that it names from `folder` as an absolute path; other values unchanged. In
+    `_PLACES` only `~` is expanded."""
     if key in _PLACES:
         return ",".join(map(os.path.expanduser, value.split(",")))
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
@@ -81,15 +82,15 @@ def absolute(key: str, value: str, folder: Path = Path()) -> str:
 
 
 def named_file(key: str, value: str) -> str:
-    """The file that a setting names, as it stands there; empty where it names none."""
+    """The file that the value of a setting names, as written there; empty where it names none."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
     return match[2] if match else ""
 
 
 def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
-    """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
+    """The settings with `python=PATH` moved into the value of `env`. PATH is the interpreter that has the environment.
 
-    For which environments that has a meaning, `tasks.registry.get` knows. The path is made whole but not followed: the
+    `tasks.registry.get` knows which environments accept it. The path is made absolute, but links are not followed: the
     interpreter of a virtual environment is a link.
     """
     found = dict(settings)
@@ -108,14 +109,14 @@ def whole_number(value: str) -> int:
 
 
 _SPELLED = {"True": True, "False": False, "None": None}
-"""What Python writes otherwise than JSON."""
+"""Constants that Python and JSON spell differently."""
 
 
 def literal(text: str) -> Any:
-    """A value in JSON or as Python writes it, a tuple as a list; any other text is itself."""
+    """The value of a text in JSON or in Python's syntax, a tuple as a list; any other text is returned as it is."""
     with suppress(ValueError, RecursionError):
         return _SPELLED[text] if text in _SPELLED else json.loads(text)
-    if text[:1] in ("(", "[", "{"):  # a name may be set to 1_000, which Python takes for a number
+    if text[:1] in ("(", "[", "{"):  # other text may be a name: Python takes 1_000 for a number
         with suppress(ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
             return json.loads(json.dumps(ast.literal_eval(text)))
     return text
@@ -127,7 +128,7 @@ Config = TypeVar("Config", bound="DataclassInstance")
 
 
 def parse(kind: type[Config], words: Sequence[str]) -> Config:
-    """Build a frozen config dataclass from `key=value` words. A value is taken as it is: nothing in it is looked up.
+    """Build a frozen config dataclass from `key=value` words. Values are taken literally: no variables are expanded.
 
     Raises:
         ConfigError: for a word that is not `key=value`, an unknown or repeated key or a value of the wrong type.
@@ -136,7 +137,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
 
 
 def changed(config: Config, words: Sequence[str]) -> Config:
-    """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
+    """A copy of the config with the settings of `key=value` words. Raises ConfigError as `parse` does."""
     return dataclasses.replace(config, **_typed(type(config), words))
 
 
@@ -178,7 +179,7 @@ def _unfit(key: str, value: object, kind: type) -> ConfigError:
 
 
 def plain_number(value: Any) -> Any:
-    """A number of NumPy's or PyTorch's as Python's; anything else as it is."""
+    """A scalar of NumPy or PyTorch as a Python number; any other value unchanged."""
     return value.item() if hasattr(value, "item") and not getattr(value, "shape", True) else value
 
 
@@ -204,7 +205,7 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _expect_storable(key: str, value: object) -> None:
-    """Refuse what `restored` would, before it is kept."""
+    """Refuse a value that `restored` would refuse, before it is stored."""
     if isinstance(value, str) and len(value) > _LONGEST:
         raise ConfigError(f"`{key}` has {len(value):,} characters; a setting has at most {_LONGEST:,}: shorten it.")
     if isinstance(value, str) and "\0" in value:
@@ -227,11 +228,11 @@ _READ: Mapping[type, Callable[[str], Any]] = {str: str, int: whole_number, float
 
 
 def restored(kind: type[Config], stored: object) -> Config:
-    """The config that `asdict` took apart, from data of anybody's; fields that it lacks have their defaults.
+    """The config from data that `asdict` wrote and anyone may have edited; missing fields get their defaults.
 
     Raises:
-        ConfigError: for an unknown field or a value that does not fit.
-        TypeError: for what is no such data: another type, or text that nobody types.
+        ConfigError: for an unknown field or a value out of range.
+        TypeError: for data of another type, or text that is too long or holds a zero byte.
     """
     hints = _hints(kind)
     if not isinstance(stored, dict):
@@ -248,7 +249,7 @@ def restored(kind: type[Config], stored: object) -> Config:
 
 
 def read_yaml(path: Path, kind: str, loader: type[SafeLoader] | None = None) -> Any:
-    """What a YAML file says.
+    """Contents of a YAML file.
 
     Args:
         kind: what the file is called, such as `plan`.

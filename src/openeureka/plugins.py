@@ -1,4 +1,4 @@
-"""Ways in for code of others: a built-in name, one of an installed package, `pkg.mod:Name` or `FILE.py:Name`."""
+"""Extension points: a built-in name, a name of an installed package, `pkg.mod:Name` or `FILE.py:Name`."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from .errors import ConfigError, EurekaError, nearest
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """What one setting may name: a class or function that makes what the setting asks for."""
+    """An extension point: what one setting may name, a class or function that makes an object."""
 
     setting: str
     group: str
-    """Of the entry points by which installed packages add names."""
+    """Group of entry points through which installed packages add names."""
     built_in: Mapping[str, str]
-    """`pkg.mod:Name` by name; no package replaces one of them."""
+    """`pkg.mod:Name` by built-in name; no package can replace a built-in."""
     members: tuple[str, ...]
-    """Attributes and methods that what is made must have."""
+    """Attributes and methods that the made object must have."""
 
     def names(self) -> list[str]:
-        """Built-in ones first."""
+        """All names, built-in ones first."""
         return list(dict.fromkeys([*self.built_in, *self._added()]))
 
     def installed(self, value: str) -> bool:
-        """Whether `find` imports nothing of the value's own choice."""
+        """Whether the value is a known name: then `find` imports no code that the value chose."""
         return value in self.built_in or value in self._added()
 
     def _added(self) -> dict[str, str]:
-        """`pkg.mod:Name` by name, of installed packages; looking takes a while."""
+        """`pkg.mod:Name` by name, from installed packages; the lookup is slow."""
         return {point.name: point.value for point in entry_points(group=self.group)}
 
     def find(self, value: str) -> Callable[..., Any]:
@@ -77,7 +77,7 @@ class Door:
         """Call what `find` finds.
 
         Raises:
-            ConfigError: as `find` does, and when it cannot be called so, fails, or lacks one of the `members`.
+            ConfigError: as `find` does, and when the call does not fit or fails, or the object lacks a member.
         """
         factory = self.find(value)
         try:
@@ -89,7 +89,7 @@ class Door:
             made = factory(*args, **options)
         except EurekaError:
             raise
-        except Exception as error:  # whatever a person's code raises; one of ours is a fault of ours
+        except Exception as error:  # a person's code may raise anything; an error of a built-in is a bug here
             if value in self.built_in:
                 raise
             frame = traceback.extract_tb(error.__traceback__)[-1]
@@ -102,31 +102,31 @@ class Door:
 
 
 def where_to_put(module: str, error: BaseException) -> str:
-    """A sentence for a module of a person's own that Python does not find; empty for any other error."""
+    """A hint for a module that Python does not find; empty for any other error."""
     unfound = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
     return " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if unfound else ""
 
 
 class _Fresh(SourceFileLoader):
-    """Reads and writes no compiled file: Python takes one for an edit of equal length within the same second."""
+    """Uses no `.pyc` files: after an edit of equal length within the same second, Python would take the old one."""
 
     def path_stats(self, path: object) -> Mapping[str, Any]:
         raise OSError
 
 
 _importing = RLock()
-"""One thread at a time: another would find the module half executed."""
+"""Held while importing: another thread would find the module half executed."""
 
 
 def import_file(path: Path) -> ModuleType:
-    """Import a file as it is now, once a process, under a name that no other module has: nothing remembered of what it
-    was before an edit is taken for it."""
+    """Import a file in its present state, once per process. The module's name contains a hash of path and contents, so
+    an edited file is never mistaken for its earlier version."""
     name = f"openeureka_file_{hashlib.sha256(bytes(path) + bytes(1) + path.read_bytes()).hexdigest()[:12]}"
     with _importing:
         if name not in sys.modules:
             spec = importlib.util.spec_from_file_location(name, path, loader=_Fresh(name, str(path)))
             assert spec is not None and spec.loader is not None
-            # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
+            # Dataclasses and `inspect` look up a class's module by name while it is still being executed.
             sys.modules[name] = importlib.util.module_from_spec(spec)
             try:
                 spec.loader.exec_module(sys.modules[name])

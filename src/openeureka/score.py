@@ -16,14 +16,14 @@ ERRORS = 2.0
 
 def human_normalised(method: float | None, human: float | None, sparse: float | None) -> float | None:
     """(method - sparse) / |human - sparse| of arXiv 2310.12931, section 4.2: 0 is as good as training on F itself, 1 as
-    good as the reward that people wrote, or -1 where that is the worse of the two. None when undefined."""
+    good as the human reward, or -1 where the human reward is the worse of the two. None when undefined."""
     if method is None or human is None or sparse is None or human == sparse:
         return None
     return (method - sparse) / abs(human - sparse)
 
 
 def plainly_normalised(method: float | None, human: float | None, sparse: float | None) -> float | None:
-    """The human-normalised score where no room is to say how to read it: None where its 0 is no worse than its 1."""
+    """The human-normalised score where no explanation fits: None unless the human reward beats the sparse one."""
     if human is None or sparse is None or human <= sparse:
         return None
     return human_normalised(method, human, sparse)
@@ -40,18 +40,18 @@ def rank(fitness: float | None) -> float:
 
 
 def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
-    """One policy's score over all episodes that it played in several looks, where F was defined in them.
+    """One policy's score over all episodes of several looks, leaving out looks in which F was undefined.
 
     Args:
-        shared: whether all play the same start states, as one policy does in several worlds (`report.robust`). Their
-            errors then add up, as if all went wrong together; of independent ones the squares do. `played` pools looks
-            on start states of their own. `lawful` and `tuned` pool trainings, and read costs alone, which have no
-            error.
+        shared: whether all looks use the same start states, as those of one policy in several worlds do
+            (`report.robust`). Their errors are then added, as if fully correlated; those of independent looks add in
+            squares. `played` pools looks with different start states. `lawful` and `tuned` pool trainings, and read
+            only costs, which have no error.
     """
     defined = [look for look in looks if look.fitness is not None] or looks
     episodes = sum(look.episodes for look in defined)
     lost = sum(look.lost for look in looks)
-    if not episodes:  # to take a mean over
+    if not episodes:  # the mean would divide by zero
         return replace(looks[0], lost=lost)
 
     def total(values: Sequence[float | None]) -> float | None:
@@ -74,17 +74,17 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
 
 
 def lawful(scores: Sequence[Evaluation], limits: Limits) -> bool:
-    """Whether policies keep the limits on average over their episodes; those of which nothing is known do."""
+    """Whether policies keep the limits on average over their episodes. No scores at all count as keeping them."""
     return not scores or not pooled(scores).broken(limits)
 
 
 def excess(score: Evaluation, limits: Limits) -> float:
-    """By how much a policy is beyond its limits: shares of them, in all."""
+    """By how much a policy exceeds its limits, each excess as a share of its limit, summed."""
     return math.fsum((score.costs[name] - limits[name]) / (limits[name] or 1.0) for name in score.broken(limits))
 
 
 def breach(score: Evaluation | None, limits: Limits) -> str:
-    """`torque 45.2 N m, above 40`: what a policy breaks; empty where nothing."""
+    """The limits that a policy breaks, such as `torque 45.2 N m, above 40`; empty where it breaks none."""
     if score is None:
         return ""
     units = {name: f" {COSTS[name].unit}" if name in COSTS and COSTS[name].unit != "share" else "" for name in limits}
@@ -94,24 +94,24 @@ def breach(score: Evaluation | None, limits: Limits) -> str:
 
 
 def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits) -> Evaluation:
-    """What a lane scores: that of its policies which is worth most counts, of equals the first."""
+    """The score of a lane: that of its policy with the highest `worth`, the first of equals."""
     return max(map(pooled, plays.values()), key=lambda score: worth(score, limits))
 
 
 def worth(score: Evaluation | None, limits: Limits) -> tuple[float, float]:
-    """To rank policies by: the less one is beyond the limits the better, then F counts. One without a score is last."""
+    """A key for max() over policies: the smaller `excess`, then the higher F. A policy without a score is last."""
     if score is None:
         return -math.inf, -math.inf
     return -excess(score, limits), rank(score.fitness)
 
 
 def counted_peak(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits) -> Peak:
-    """Which of its policies counts for a lane: that which plays best, or another where none was played."""
+    """The checkpoint that counts for a lane: the one that plays best, or `otherwise` where none was played."""
     return (played(plays, limits).peak if plays else None) or otherwise
 
 
 def level(scores: Mapping[str, Evaluation]) -> list[str]:
-    """Who may be the best as far as the errors tell: less than two of them below the highest, that one included."""
+    """Names of those that may be the best: at most `ERRORS` standard errors below the highest, which is included."""
     best = max(scores.values(), key=lambda score: rank(score.fitness), default=None)
     if best is None or best.fitness is None:
         return []
@@ -124,10 +124,10 @@ def level(scores: Mapping[str, Evaluation]) -> list[str]:
 
 
 def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
-    """How much higher F of one policy is than that of another, over episodes; None where either is undefined.
+    """How much higher F of `own` is than F of `other`, over episodes; None where either is undefined.
 
-    The interval is normal and takes both as independent. Where they play the same start states, what those share makes
-    it wider than need be.
+    The interval is normal and takes both as independent. Where both play the same start states, their scores are
+    correlated, and the interval is wider than need be.
     """
     if own.fitness is None or other.fitness is None:
         return None
@@ -140,7 +140,7 @@ def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeedScores:
-    """One reward's final trainings, a value per seed; None where that seed has none, as where it diverged at once."""
+    """Scores of one reward's final trainings, one per seed; None for a seed without one, as after divergence."""
 
     training: tuple[float | None, ...] = ()
     """Maximum of F over the epochs, the measure of the published results."""
@@ -165,7 +165,7 @@ class Outcome:
     rivals: Mapping[Place, SeedScores] = field(default_factory=dict[Place, SeedScores])
     """The other rewards that the best was confirmed against."""
     share: float = 1.0
-    """Of all errors, those that the look at which the race stopped may make: see `stats.spent`."""
+    """Share of the race's error probability that belongs to the look at which it stopped: see `stats.spent`."""
     correlation: float | None = None
     """Pearson correlation of the best reward with the human reward over transitions, mean over seeds."""
     curve_correlation: float | None = None
@@ -178,21 +178,21 @@ class Outcome:
 
     @property
     def difference(self) -> Difference | None:
-        """To the human reward, held out. It allows for the best having been picked among several, and for every look
-        at which the race might have stopped."""
+        """Difference to the human reward in held-out F. The interval allows for the best having been picked among
+        several, and for every look at which the race might have stopped."""
         rivals = [own.scores for own in self.rivals.values()]
         claims = (1 + len(rivals)) / self.share
         return difference(self.method.scores, self.human.scores, rivals, claims=claims)
 
     @property
     def same(self) -> bool:
-        """Whether both rewards have one and the same score with every seed."""
+        """Whether all seeds of both rewards have one and the same held-out score."""
         own, human = self.method, self.human
         return len({*own.held_out, *human.held_out}) == 1 and min(len(own.scores), len(human.scores)) > 1
 
     @property
     def word(self) -> Word:
-        """What is decided between both."""
+        """The verdict in a word; empty where either reward has no held-out score."""
         if not (self.method.scores and self.human.scores):
             return ""
         found = self.difference

@@ -1,4 +1,4 @@
-"""Statistics of plain numbers: means, ranks, correlations, and how far chance reaches."""
+"""Statistics of plain numbers: means, ranks, correlations, confidence intervals and tests."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 MOST_SEEDS = 100
 EARLY = 0.1
-"""Of all errors, the share that the looks before the last may make together."""
+"""Share of a race's error probability that all looks before the last may use together."""
 CLOSE = 1e-9
 """A spread below this share of the value is rounding."""
 NEAR = 0.25
-"""A share of successes this close to 0 or 1 counts as either."""
+"""A share of successes this close to 0 or 1 counts as 0 or 1."""
 
 
 def mean(values: Sequence[float | None]) -> float | None:
@@ -43,8 +43,8 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
 
 
 def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Ranks from 1 to n; equal values share the mean of theirs. Spearman's correlation is `pearson` of these."""
-    import numpy as np  # takes a tenth of a second, and only screens and tunings rank
+    """Ranks from 1 to n; equal values share the mean of their ranks. Spearman's correlation is `pearson` of these."""
+    import numpy as np  # importing it takes a tenth of a second, and only screens and tunings rank
 
     _, places, counts = np.unique(np.asarray(values, np.float64), return_inverse=True, return_counts=True)
     return (np.cumsum(counts) - (counts - 1) / 2)[places]
@@ -59,8 +59,8 @@ class Difference:
     high: float
     """Ends of the 95 % interval."""
     seeds: int | None
-    """Of each of the two alone, about as many as would decide a difference of this size every other time; None beyond
-    `MOST_SEEDS`."""
+    """About as many seeds of each, in a comparison of these two alone, as would decide a difference of this size every
+    other time; None above `MOST_SEEDS`."""
 
     @property
     def sure(self) -> bool:
@@ -71,22 +71,23 @@ class Difference:
 def difference(
     own: Sequence[float], other: Sequence[float], rivals: Iterable[Sequence[float]] = (), *, claims: float = 1
 ) -> Difference | None:
-    """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
+    """Student's interval of mean(own) - mean(other), one value per seed; None where either has fewer than two.
 
-    It is the wider of two. One pools the spread of all rewards, as if they were equally noisy: two or three seeds may
-    look steady by luck. The other has the spreads of the two alone: one that is noisier than the rest is not made to
-    look steady by them. `benchmarks/verdicts.py` measures how often it errs.
+    The interval is the wider of two. One pools the spread of all rewards, as if they were equally noisy: two or three
+    seeds may look steady by luck. The other uses the spreads of the two rewards alone: calm rivals must not make a
+    noisy reward look steady. `benchmarks/verdicts.py` measures how often the interval errs.
 
-    A reward that scores the same with every seed, as at F = 0, is no part of the pool, since it would make noisy ones
-    look steady; where it is compared with a noisy one, it adds no noise. Two such that are compared are as noisy as the
-    pool, which they are part of. All play the same start states, so what those share is no part of it.
+    A reward that scores the same with every seed, as at F = 0, is left out of the pool, since it would make noisy
+    rewards look steady. Compared with a noisy reward, it adds no noise. If both are such rewards, both join the pool,
+    and the pool is their noise. All policies play the same start states, so the difference is free of what those have
+    in common.
 
-    Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Nor does one
-    where each value is near 0 or near 1: trainings that succeed or do not. Then the interval ends at zero at the least,
-    until Fisher's exact test is sure as well.
+    Where the two rewards take only two values, as where F is 0 or 1, a spread does not measure chance. The same holds
+    where each value is near 0 or near 1: trainings that succeed or do not. There the interval includes zero unless
+    Fisher's exact test is sure as well.
 
     Args:
-        rivals: scores of the others in the race, for the spread.
+        rivals: scores of the other rewards in the race, for the spread.
         claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
     """
     if len(own) < 2 or len(other) < 2:
@@ -116,7 +117,7 @@ def pooled(groups: Sequence[Sequence[float]]) -> tuple[float, int]:
     """Standard deviation within groups, as if all were equally noisy, and its degrees of freedom.
 
     Args:
-        groups: none of them empty, and one at least of two values.
+        groups: none is empty, and at least one has two values.
     """
     freedom = sum(len(values) - 1 for values in groups)
     squares = math.fsum(_variance(values) * (len(values) - 1) for values in groups if len(values) > 1)
@@ -129,20 +130,20 @@ def _variance(values: Sequence[float]) -> float:
 
 
 def two_valued(values: Sequence[float]) -> bool:
-    """Whether there are two values at most, or each is near 0 or near 1: trainings that succeed or do not."""
+    """Whether there are at most two values, or each is near 0 or near 1: trainings that succeed or do not."""
     low, high, near = min(values), max(values), _near(values)
     return all(min(x - low, high - x) <= near for x in values)
 
 
 def _near(values: Sequence[float]) -> float:
-    """How far a value may be from the least or the largest of them to count as it."""
+    """How far a value may lie from the least or the largest and still count as it."""
     low, high = min(values), max(values)
     ends = low < NEAR < 1 - NEAR < high and all(0 <= min(x, 1 - x) <= NEAR for x in values)
     return NEAR if ends else CLOSE * max(abs(low), abs(high))
 
 
 def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
-    """How often each has the higher of two values, or of two kinds of value; None where there are more than two."""
+    """How often each reward has the higher of two values, or of two groups of values; None where there are more."""
     both = (*own, *other)
     if not two_valued(both):
         return None
@@ -152,22 +153,23 @@ def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] 
 
 
 def _exact(rates: tuple[float, float], own: int, other: int) -> float:
-    """Fisher's exact test, of two sides: how likely chance alone deals two values as unevenly, or more."""
+    """Fisher's exact test, two-sided: the probability that chance deals two values at least as unevenly."""
     one, two = round(rates[0] * own), round(rates[1] * other)
     ways = [math.comb(own, k) * math.comb(other, one + two - k) for k in range(min(own, one + two) + 1)]
     return sum(way for way in ways if way <= ways[one]) / sum(ways)
 
 
 def spent(trained: int, seeds: int, first: int) -> float:
-    """Of the errors that a race may make in all, the share of its look after so many seeds.
+    """Share of a race's error probability that its look after `trained` seeds may use.
 
-    To look again is to try again. Those who stop early must be nearly certain, so that the last look, which most races
-    come to, is hardly stricter than one alone (Haybittle 1971, Peto et al. 1976; the shares add up as Bonferroni's do).
+    Every look is another chance to err. Early looks must be nearly certain, so that the last look, which most races
+    reach, is hardly stricter than a single test (Haybittle 1971, Peto et al. 1976; the shares add up as Bonferroni's
+    do).
 
     Args:
         trained: seeds of each reward so far.
         seeds: the most there may be.
-        first: seeds of the first look.
+        first: seeds at the first look.
     """
     early = seeds - first
     if early < 1:
@@ -182,15 +184,15 @@ class Estimate:
     value: float
     low: float | None
     high: float | None
-    """Ends of the 95 % interval; None where one value has no spread."""
+    """Ends of the 95 % interval; None for a single value, which has no spread."""
     count: int
     claims: int = 1
     """How many such intervals are to hold together."""
 
     @property
     def sure(self) -> bool:
-        """Whether the interval leaves no doubt on which side of zero it is. Values without a spread do as soon as so
-        many of one sign are no chance."""
+        """Whether the interval leaves no doubt on which side of zero it is. Equal values, which have no spread, do so
+        once chance is unlikely to give that many the same sign."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.low < self.high or self.claims * 2.0 ** (1 - self.count) <= 1 - CONFIDENCE
@@ -214,7 +216,7 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
 
 
 def quantile(freedom: float, claims: float = 1) -> float:
-    """Half of a 95 % interval in standard errors (Student's t), where so many intervals are to hold together."""
+    """Half width of a 95 % interval in standard errors (Student's t), where `claims` intervals are to hold together."""
     from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 
     return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))

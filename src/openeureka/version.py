@@ -1,3 +1,3 @@
-"""The version, apart from the package that offers everything."""
+"""The version, in a module that imports nothing."""
 
 __version__ = "0.1.0"

@@ -1,7 +1,7 @@
 """Child processes that talk in length-checked frames: a JSON header and named binary blobs, never pickle.
 
-The one module that starts Python. The sandbox server, the trainer and the embedded language model are each a module run
-by `Worker`; on their side they open a `Channel`. Whatever is started otherwise, is by `interpreter`.
+This is the only module that starts Python. The sandbox server, the trainer and the embedded language model are modules
+that `Worker` runs; on their side they open a `Channel`. Every other Python process is started with `interpreter`.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
 MAX_BLOBS = 4 << 30
 MAX_SAID = 1 << 20
-"""Bytes of what a child prints that are kept while it is at work: a task that prints in each step fills no disk."""
+"""Bytes of a child's output that are kept while it works, so that a task that prints in each step fills no disk."""
 MOST_NICE = 10
-"""Of a session: a tenth of a core is left where others want all."""
+"""Most that a session yields: at this nice value it still gets a tenth of a core where others want all."""
 
 
 def interpreter() -> list[str]:
     """The beginning of a command line that runs this Python, without the working directory on its path.
 
-    By itself Python looks for modules in the working directory first: a `tempfile.py` that lies there would run. -P and
-    not -I: PYTHONPATH and the user's own packages stay, as tasks of one's own may be in them.
+    By default Python looks for modules in the working directory first: a `tempfile.py` that lies there would run. The
+    option is -P and not -I, which would also drop PYTHONPATH and the user's packages: tasks may be in either.
     """
     return [sys.executable, "-P"]
 
 
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
-    """An environment for `interpreter`; None is this process's.
+    """Environment variables for `interpreter`; None means this process's.
 
-    An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x` leaves one, would be the working directory again. One
-    that is written out, such as `.`, is what its author wants.
+    An empty entry of PYTHONPATH, such as `PYTHONPATH=$PYTHONPATH:x` can leave, would put the working directory back on
+    the path, so it is removed. An explicit entry, such as `.`, is kept: its author wants it.
     """
     found = dict(os.environ if env is None else env)
     if "PYTHONPATH" in found:
@@ -69,7 +69,7 @@ class WorkerTimeout(WorkerError):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message: data that JSON can say, and bytes by name."""
+    """One message: a header that JSON can hold, and bytes by name."""
 
     header: Mapping[str, Any]
     blobs: Mapping[str, bytes] = field(default_factory=dict)
@@ -79,18 +79,18 @@ class Frame:
 class _Head:
     header: Mapping[str, Any]
     blobs: Mapping[str, Count]
-    """Their sizes [bytes], in order."""
+    """Sizes [bytes] by name, in the order of the blobs."""
 
 
 def framed(header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> bytes:
-    """A frame as it travels."""
+    """A frame as bytes."""
     blobs = blobs or {}
     head = codec.encode(_Head(header, {name: len(blob) for name, blob in blobs.items()})).encode()
     return b"".join((_PREFIX.pack(len(head), sum(map(len, blobs.values()))), head, *blobs.values()))
 
 
 def unframed(data: bytes) -> Frame:
-    """Inverse of `framed`, for who has it whole. Raises WorkerDied for anything else."""
+    """Inverse of `framed`, for the bytes of one whole frame. Raises WorkerDied for anything else."""
     try:
         return _Reader(-1, begun=data).read(0.0)
     except WorkerTimeout:
@@ -98,7 +98,7 @@ def unframed(data: bytes) -> Frame:
 
 
 def _readable(fd: int, timeout: float) -> bool:
-    """Whether something arrives within `timeout` [s], or an hour. `select` fails for descriptors beyond 1,024."""
+    """Whether something arrives within `timeout` [s], at most an hour. `select` fails for descriptors over 1,023."""
     poll = select.poll()
     poll.register(fd, select.POLLIN)
     return bool(poll.poll(math.ceil(min(timeout, 3600.0) * 1000)))
@@ -128,7 +128,7 @@ class _Reader:
         return taken
 
     def _next(self) -> bytes:
-        """What has arrived; nothing at the end, and where another thread has closed the pipe."""
+        """Bytes that have arrived; none at the end of the stream, or when another thread has closed the pipe."""
         try:
             return os.read(self.fd, 1 << 20)
         except OSError as error:
@@ -157,15 +157,15 @@ class _Reader:
 class Worker:
     """Parent's end: runs `python -m module` in its own process group and exchanges frames with it.
 
-    The child finds the modules that this process finds, after all others: a task may lie beside a script or a notebook,
-    and packages where only PYTHONPATH names them.
+    The child can import the modules that this process can: a task may lie in the folder of a script or a notebook, and
+    packages where only PYTHONPATH names them. These folders come last on the child's path.
 
     Args:
         module: import path whose `__main__` opens a `Channel`.
         env: the child's whole environment; None inherits this process's.
-        nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
-            waits for: it has the share of a session of its own, however much this process yields.
-        max_blobs: cap on what the child may send in a frame beside its header, in bytes.
+        nice: how much more the child yields to other processes than this process does, 0 to 19. None is for a child
+            that somebody waits for: its session gets a full share of the cores, however much this process yields.
+        max_blobs: most bytes of blobs in a frame from the child.
 
     Raises:
         WorkerError: where this machine has no room for a process, or no folder for temporary files.
@@ -180,8 +180,8 @@ class Worker:
         nice: int | None = None,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
-        # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
-        # the last of the path: what else lies there is not to be found before the standard library.
+        # The package directory is a part of the code, so that the child finds it even with an empty environment. It
+        # ends up last on the path: nothing else in that directory may be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         last = [root, *map(os.path.abspath, sys.path)]
         code = (
@@ -196,7 +196,7 @@ class Worker:
         self._reader = _Reader(self._stdout.fileno(), max_blobs)
 
     def _start(self, command: Sequence[str], env: Mapping[str, str] | None, **pipes: Any) -> None:
-        """Raises WorkerError where this machine has no room for a process, and OSError for no such program."""
+        """Raises WorkerError where this machine has no room for a process, and OSError if there is no such program."""
         try:
             with ExitStack() as failing:
                 self._stderr: IO[bytes] = failing.enter_context(tempfile.TemporaryFile())
@@ -204,7 +204,7 @@ class Worker:
                 self.process = subprocess.Popen(
                     command, env=environment(env), start_new_session=True, **{"stderr": self._stderr, **pipes}
                 )
-                failing.pop_all()  # it lives as long as the process
+                failing.pop_all()  # the file must live as long as the process
         except OSError as error:
             if said := lacking(error):
                 raise WorkerError(said) from None
@@ -219,9 +219,10 @@ class Worker:
             raise WorkerDied("The worker process ended before it could be asked.") from None
 
     def receive(self, timeout: float | None = None) -> Frame:
-        """Next frame. Raises WorkerDied or WorkerTimeout [s]; the worker must then be closed, its stream is broken."""
+        """Next frame, within `timeout` [s]. Raises WorkerDied or WorkerTimeout; the worker must then be closed, since
+        its stream is broken."""
         frame = self._reader.read(timeout)
-        if os.fstat(self._stderr.fileno()).st_size > MAX_SAID:  # no last words: it is at work
+        if os.fstat(self._stderr.fileno()).st_size > MAX_SAID:  # the child goes on working: these are no last words
             os.ftruncate(self._stderr.fileno(), 0)
         return frame
 
@@ -230,17 +231,17 @@ class Worker:
         return self._reader.ready(timeout)
 
     def fileno(self) -> int:
-        """For who waits for several: readable where `ready`, but for what a look at the pipe has read already."""
+        """Descriptor for waiting on several workers. It does not show what is already buffered: ask `ready` first."""
         return self._reader.fd
 
     def ending(self) -> str:
-        """What ended the child, for a message to a person; empty when it was no signal, or after `close`."""
-        end, found = time.monotonic() + 1.0, None  # its pipe closes a little before it is gone
+        """The signal that ended the child, in a sentence for a person; empty when it was none, or after `close`."""
+        end, found = time.monotonic() + 1.0, None  # the child's pipe closes shortly before the child is gone
         while found is None and self.process.returncode is None and time.monotonic() < end:
-            # It is left unreaped: its group has its number for as long.
+            # The child is left unreaped: until `close` reaps it, no other group can get its number.
             try:
                 found = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-            except ChildProcessError:  # reaped by another, as where SIGCHLD is ignored
+            except ChildProcessError:  # something else reaped it, as where SIGCHLD is ignored
                 return ""
             time.sleep(0.0 if found else 0.01)
         if found is None or found.si_code == os.CLD_EXITED:
@@ -256,17 +257,17 @@ class Worker:
         return self._stderr.read().decode(errors="replace").strip()
 
     def last_words(self) -> str:
-        """The last line of what the child wrote to stderr, as of a traceback."""
+        """The last line that the child wrote to stderr, such as that of a traceback."""
         return (self.stderr_tail().splitlines() or [""])[-1].strip()
 
     def close(self) -> None:
-        """Kill the child's process group, also where the child has ended and left others, and reap it; safe to call
+        """Kill the child's process group, also if the child has ended and left others, and reap it; safe to call
         twice."""
-        if self.process.returncode is None:  # else the number may be another group's by now
+        if self.process.returncode is None:  # once it is reaped, another group may have its number
             with suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
-        self._reader.fd = -1  # the number may soon be another pipe's, and another thread may be about to read
+        self._reader.fd = -1  # another pipe may soon get this number, and another thread may be about to read
         for pipe in (self._stdin, self._stdout, self._stderr):
             if not pipe.closed:
                 try:
@@ -282,17 +283,17 @@ class Worker:
 
 
 def _yield_group(pid: int, nice: int) -> None:
-    """Let a session yield as the process that leads it does, but keep a tenth of a core: below, trainings seem to hang.
+    """Give a session the nice value of its leader, but leave it a tenth of a core: with less, trainings seem to hang.
 
-    Linux shares the cores out among sessions, and only then among the processes of each by how nice they are (sched(7),
-    autogroup): a worker, which has a session of its own, would take as much as whoever sits at this machine.
+    Linux divides the cores among sessions first, and only then by nice value among the processes of each (sched(7),
+    autogroup). A worker has a session to itself, and would get as much as the person who uses this machine.
     """
     for _ in range(20 if nice > 0 else 0):
         try:
             Path(f"/proc/{pid}/autogroup").write_text(str(min(nice, MOST_NICE)))
-        except BlockingIOError:  # the kernel hears one such wish in a tenth of a second
+        except BlockingIOError:  # the kernel accepts one such write per tenth of a second
             time.sleep(0.1)
-        except OSError:  # it does not share them out so
+        except OSError:  # this kernel has no autogroups
             return
         else:
             return
@@ -301,13 +302,13 @@ def _yield_group(pid: int, nice: int) -> None:
 class Stranger(Worker):
     """A `Worker` in another Python, which runs a file that knows nothing of this package.
 
-    Its frames have pipes of their own, whose numbers are the file's first arguments: whatever that Python prints,
-    before the file begins or after, is not among them.
+    Its frames have two pipes to themselves, whose descriptors are the file's first arguments: nothing that Python
+    prints, before the file begins or after, gets among them.
 
     Args:
         python: the other interpreter, a path or a name that PATH finds.
-        file: what it runs, with neither the file's own directory nor the working directory on its path.
-        shared: a descriptor that it inherits, whose number is the last argument.
+        file: the file to run, with neither its own directory nor the working directory on its path.
+        shared: a descriptor that the child inherits, whose number is the last argument.
 
     Raises:
         WorkerDied: when there is no such program.
@@ -351,10 +352,10 @@ class Channel:
             if os.getppid() != parent:
                 os._exit(1)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-        # So is SIGTERM, which a shutdown and Slurm send to all. SIG_IGN would be inherited by what this process starts,
-        # and whoever terminates that would wait for ever.
+        # So is SIGTERM, which a shutdown and Slurm send to every process. A handler and not SIG_IGN: processes started
+        # from here would inherit SIG_IGN, and whoever terminates one would wait for ever.
         signal.signal(signal.SIGTERM, lambda *_: None)
-        term = {signal.SIGTERM}  # held back until a forked process is one that it ends
+        term = {signal.SIGTERM}  # blocked until a forked process has the default action back
         os.register_at_fork(
             before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, term),
             after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, term),
