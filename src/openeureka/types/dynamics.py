@@ -1,4 +1,4 @@
-"""How a world may differ from what a task's model says, and the ranges that worlds of training are drawn from."""
+"""How a world may differ from the model of its task, and the ranges that worlds of training are drawn from."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from .bounds import Finite
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dynamics:
-    """One world. The defaults are the task as it is; what is a factor multiplies the model's own value."""
+    """The physics of one world. The defaults are the task as it is; a factor multiplies the model's own value."""
 
     mass: Finite = 1.0
     """Factor on every body's mass and inertia, as if the material were denser."""
     inertia: Finite = 1.0
-    """Factor on every body's inertia alone, beside that of its mass."""
+    """Factor on every body's inertia alone, on top of that of `mass`."""
     friction: Finite = 1.0
     """Factor on every contact's friction."""
     strength: Finite = 1.0
-    """Factor on what every drive gives, its limit included."""
+    """Factor on the force or torque of every drive, its limit included."""
     stiffness: Finite = 1.0
     """Factor on the proportional gain of every position drive."""
     drive_damping: Finite = 1.0
@@ -32,12 +32,12 @@ class Dynamics:
     gravity: Finite = 1.0
     """Factor on gravity."""
     delay: Finite = 0.0
-    """[s] until an action is acted on, rounded to whole control steps."""
+    """[s] until an action takes effect, rounded to whole control steps."""
     noise: Finite = 0.0
     """Largest error of each observation on each step, in the units that the policy observes in."""
     push: Finite = 0.0
-    """[m/s] that a push on the floating base adds to the whole robot's centre of mass, horizontally, within one control
-    step."""
+    """[m/s] that a push on the floating base adds to the horizontal velocity of the whole robot's centre of mass,
+    within one control step."""
     push_every: Finite = 10.0
     """[s] from one push to the next, on average."""
 
@@ -48,7 +48,7 @@ QUANTITIES = tuple(field.name for field in fields(Dynamics))
 
 
 class Scale(NamedTuple):
-    """What a quantity is measured in, and the least and the most that anybody means."""
+    """The unit of a quantity, and its least and largest sensible value."""
 
     unit: str
     least: float
@@ -71,14 +71,14 @@ SCALES: Mapping[str, Scale] = {
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """Each world draws each quantity uniformly between these, anew for every episode."""
+    """Each world draws each quantity uniformly between `low` and `high`, anew for every episode."""
 
     low: Dynamics
     high: Dynamics
 
     @property
     def drawn(self) -> dict[str, tuple[float, float]]:
-        """Low and high of the quantities that ever differ from the task's own world."""
+        """Low and high end of each quantity, except those that always have the value of the task's own world."""
         ends = {name: (getattr(self.low, name), getattr(self.high, name)) for name in QUANTITIES}
         return {name: pair for name, pair in ends.items() if set(pair) != {getattr(NOMINAL, name)}}
 

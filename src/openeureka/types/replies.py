@@ -1,4 +1,4 @@
-"""What language models are asked and what they answer."""
+"""Prompts to language models, and their replies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Usage:
-    """What a reply cost; tokens that several replies share are counted with one of them."""
+    """Cost of a reply; tokens that several replies share are counted with one of them."""
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
@@ -53,14 +53,14 @@ class Reply:
 
 
 GIVEN = "given"
-"""`Reply.model` of a reward that the run began with: nobody was asked for it."""
+"""`Reply.model` of a reward that the run began with: no model was asked for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt:
-    """What a reply was found to hold."""
+    """The program that a reply holds."""
 
     candidate: Candidate | None
-    """None where it holds no program."""
+    """None where the reply holds no program."""
     repair: tuple[Message, ...] = ()
-    """What the model was shown beyond the slot's prompt, where it was to repair a refused program."""
+    """Messages after the slot's prompt that asked the model to repair a refused program; empty for a fresh sample."""

@@ -29,7 +29,7 @@ class Node:
 
 
 PROGRESS = "progress_"
-"""What the names of those components begin with that say how far an episode has come."""
+"""Prefix of the names of components that say how far an episode has come."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class RewardGraph:
     components: tuple[tuple[str, int], ...]
     """Component name and node index, in the program's order; each value is (N,) or () float."""
     version: Literal[1] = 1
-    """Of this form of a graph: a later one would mean something else by the same words."""
+    """Version of this form of a graph; in a later one, the same text may mean something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class VerdictCode(StrEnum):
     CONTRACT = "contract"  # probe: ran in the confined child and broke a rule
     TIMEOUT = "timeout"
     CRASHED = "crashed"
-    SCREENED = "screened"  # it could train, and others were preferred
+    SCREENED = "screened"  # it could train, but others were preferred
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Slots and generations of a search, what a person says of them, and how far it is."""
+"""Slots and generations of a search, what a person says of them, and how far the search has come."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .rewards import Candidate, CandidateId, Verdict
 from .training import Evaluation, Limits, TrainingResult, TrainingState
 
 Ranks = Literal["played", "training"]
-"""By which F candidates are ranked: that of their policies when played, or its maximum over training."""
+"""Which F ranks candidates: that of their policies when played, or its maximum over training."""
 Word = Literal["", "better", "worse", "not decided", "no difference"]
-"""What a search decided of its reward beside the human one; empty where there are no scores to compare."""
+"""What a search decided about its reward, compared with the human one; empty without scores to compare."""
 
 
 class Place(NamedTuple):
-    """A slot of a generation: what people call a candidate by, as in `g0s3`."""
+    """A slot of a generation, by which people name a candidate: `g0s3`."""
 
     generation: int
     slot: int
@@ -69,8 +69,8 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
-    """A slot with the result of its training (None: never trained), what its policy scored when it was played (None
-    where a search ranks by training) and the feedback text made of all."""
+    """A slot with the result of its training (None: never trained), the score of its policy when played (None where a
+    search ranks by training), and the feedback text made of both."""
 
     sample: Sample
     result: TrainingResult | None
@@ -84,27 +84,27 @@ class Scored:
 
     @property
     def score(self) -> float | None:
-        """What ranks it: F of its policy when played, or else F in training."""
+        """The score that ranks it: F of its policy when played, or else F in training."""
         return self.played.fitness if self.played is not None else self.fitness
 
     @property
     def trained(self) -> bool:
-        """Whether its training came to the end, or so far that others went on; with or without a defined F."""
+        """Whether its training came to the end or was cut at a rung, with or without a defined F."""
         return self.result is not None and self.result.state in (TrainingState.FINISHED, TrainingState.CUT)
 
     @property
     def candidate_id(self) -> CandidateId:
-        """Of its program; slots with equal programs share it. Empty where the reply held none."""
+        """Id of its program; slots with equal programs share it. Empty where the reply held no program."""
         return self.sample.verdict.candidate
 
     def breaks(self, limits: Limits) -> bool:
-        """Whether its policy, as it played, breaks one of them."""
+        """Whether its policy broke one of the limits when played."""
         return self.played is not None and bool(self.played.broken(limits))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Screened:
-    """What the screen decided of a slot, and by which numbers."""
+    """What the screen decided about a slot, and the numbers behind it."""
 
     place: Place
     kept: bool
@@ -112,18 +112,18 @@ class Screened:
     agreement: Finite | None
     """Rank correlation of its return with F, over recorded episodes; None where either is constant."""
     error: Finite | None
-    """Of the agreement, over the lanes that played."""
+    """Error of the agreement, by the jackknife over lanes; None where too few of them are known."""
     nearest: Place | None
-    """Whichever pays most like it, of those that train and those that trained."""
+    """The slot whose reward pays most like this one, among those that train and those that trained."""
     likeness: Finite | None
-    """Absolute rank correlation of what both pay, over recorded states; None where either is constant."""
+    """Absolute rank correlation of what the two pay, over recorded states; None where either is constant."""
     reason: str = ""
     """Why it does not train, for people."""
 
 
 @dataclass(frozen=True, slots=True)
 class Generation:
-    """An entry for each slot, in their order."""
+    """A finished generation: an entry for each slot, in order."""
 
     index: int
     entries: tuple[Scored, ...]
@@ -139,12 +139,12 @@ class Generation:
 
     @property
     def scores(self) -> list[float]:
-        """Of the entries that `best` is one of."""
+        """Scores of the entries from which `best` is chosen."""
         return [entry.score for entry in self._scored if entry.score is not None]
 
     @property
     def best(self) -> Scored | None:
-        """The entry of highest score that keeps the limits; an undefined one never wins, of equals the earlier does."""
+        """The entry of highest score that keeps the limits, the earlier of equals; an undefined score never wins."""
         return max(self._scored, key=lambda entry: entry.score or 0.0, default=None)
 
     @property
@@ -155,12 +155,12 @@ class Generation:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Everything a search strategy may look at; `strategies.Ranking` says who is ahead."""
+    """Everything a search strategy may look at; `strategies.Ranking` says which entry is ahead."""
 
     generations: tuple[Generation, ...] = ()
     judge: Literal["fitness", "votes"] = "fitness"
     limits: Limits = field(default_factory=dict[str, float], hash=False)
-    """Whose policy breaks one of these cannot win."""
+    """A reward whose policy breaks one of these cannot win."""
 
     @property
     def entries(self) -> tuple[Scored, ...]:
@@ -172,12 +172,12 @@ class History:
         return next((entry for entry in self.entries if entry.sample.place == place), None)
 
     def grown(self, entries: Sequence[Scored]) -> History:
-        """With one more generation."""
+        """The history with one more generation."""
         generation = Generation(len(self.generations), tuple(entries), limits=self.limits)
         return replace(self, generations=(*self.generations, generation))
 
     def rescored(self, scores: Mapping[str, Evaluation]) -> History:
-        """With what policies scored by now, by lane id: those that lead may have been played again."""
+        """The history with the newest scores of its policies, by lane id: leading ones may have been played again."""
         generations = [
             replace(
                 generation,
@@ -192,11 +192,11 @@ class History:
 
     @property
     def lanes(self) -> tuple[str, ...]:
-        """The lanes of its candidates."""
+        """Lane ids of its candidates, as far as these have a result."""
         return tuple(entry.result.lane for entry in self.entries if entry.result is not None)
 
     def spent(self) -> Iterator[tuple[Scored, int]]:
-        """The slots with a result in order, and the environment steps that each added.
+        """The slots with a result, in order, each with the environment steps that it added.
 
         0 where it shares a training: with an equal program of the search, or an equal graph of its generation.
         """
@@ -214,7 +214,7 @@ class History:
                 yield entry, 0 if shared else entry.result.env_steps
 
     def heard(self, remarks: Sequence[Remark]) -> History:
-        """With what a person said of the last generation."""
+        """The history with what a person said of the last generation."""
         last = replace(self.generations[-1], remarks=tuple(remarks))
         return replace(self, generations=(*self.generations[:-1], last))
 
@@ -224,16 +224,16 @@ class Opinion:
     """What a person thinks of the search so far, as a prompt shows it."""
 
     words: tuple[str, ...] = ()
-    """All that was said, the newest last."""
+    """Everything the person said, the newest last."""
     chosen: bool = False
-    """The parent is the person's choice."""
+    """Whether the parent is the person's choice."""
     won: int = 0
     lost: int = 0
-    """Comparisons of the parent's policy with others."""
+    """Comparisons with other policies that the parent's policy won and lost."""
     vetoed: tuple[Scored, ...] = ()
     """Rejected programs, the newest veto last."""
     by_votes: bool = False
-    """Comparisons decide who is the best, not scores."""
+    """Whether comparisons, and not scores, decide which reward is the best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,39 +244,39 @@ class PromptPlan:
     turns: tuple[Scored, ...] = ()
     """Each becomes the model's own earlier answer followed by its feedback; empty for the first generation."""
     failures: tuple[Scored, ...] = ()
-    """Programs of a generation in which nothing trained, refused or not: the model is told why."""
+    """Slots of a generation in which nothing trained, refused or not: the model is told why."""
     opinion: Opinion = Opinion()
     informed: bool = False
     """Whether the prompt says what the score is, how high each turn scores, and which is the best."""
     best: Scored | None = None
-    """The best of all so far, which a favourite of a person need not be."""
+    """The best reward so far; the favourite of a person may be another one."""
     siblings: tuple[Scored, ...] = ()
     """The other rewards of the parent's generation that nobody rejected."""
     limits: Limits = field(default_factory=dict[str, float], hash=False)
     """The most that policies may cost: the prompt says which shown rewards break one."""
     crossover: bool = False
-    """The last two turns are both parents: the model is asked to combine what is good in them."""
+    """Whether the last two turns are both parents: the model is then asked to combine what is good in them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:
-    """How far a run has come, in numbers that cost nothing to read."""
+    """How far a run has come, in numbers that are cheap to read."""
 
     generations: int
-    """Finished ones."""
+    """Number of finished generations."""
     fitness: float | None
-    """The best F among them, of those that keep the limits: played, or in training where nothing was played."""
+    """The best F in these, of rewards that keep the limits: F when played, or in training where nothing was played."""
     evaluations: int
-    """Held-out scores: they come last."""
+    """Number of held-out scores, which a run takes last."""
     ended: bool
-    """Whether nothing is left of a search but reports."""
+    """Whether a search is over, except for reports."""
     trainings: int
-    """Those that are done."""
+    """Number of finished trainings."""
     held_out: float | None
-    """F of the best reward in its final trainings, held out, mean over seeds, where none was searched for of the best
-    given one; None before they are judged."""
+    """Held-out F of the best reward in its final trainings, mean over seeds; of the best given reward in a run without
+    a search. None before these are scored."""
     human: float | None
-    """The same of the human reward, where the run trained it."""
+    """The same for the human reward, where the run trained it."""
     usage: Usage
     word: Word = ""
-    """What a search that is over decided; empty in what an older version left."""
+    """What a finished search decided; empty for a run of an older version."""

@@ -52,7 +52,7 @@ class StateSpec:
 
     @property
     def per_world(self) -> tuple[str, ...]:
-        """Names of the variables that each world has a value of."""
+        """Names of the variables that have a value for each world."""
         return tuple(variable.name for variable in self.variables if variable.kind == "world")
 
     def __getitem__(self, name: str) -> StateVar:
@@ -74,14 +74,14 @@ class TaskContext:
     """The intent, one sentence."""
     state: StateSpec
     source: str
-    """The task's file without fitness, rewards, success thresholds and training defaults, or what is read instead."""
+    """The task's file without fitness, rewards, success thresholds and training defaults, or its documentation."""
     documented: bool = False
     """Whether `source` is documentation, in Markdown, instead of code."""
     score_unit: str = ""
     """What the score counts or measures; higher is better."""
     score_range: tuple[float | None, float | None] = (None, None)
-    """Least and highest score there can be; None where nothing bounds it."""
+    """Least and highest possible score; None where there is no bound."""
     window: int = 1
-    """Epochs, as many as an episode lasts, that the score of a training averages."""
+    """Number of epochs over which the score of a training is averaged: as many as an episode lasts."""
     facts: tuple[str, ...] = ()
-    """Lines on what the score does not betray: length, ends and starts of episodes, length of training, discount."""
+    """Lines on what the score does not tell: length, ends and starts of episodes, length of training, discount."""

@@ -1,4 +1,4 @@
-"""What is trained, what it left and what that costs beside its score, and who trains."""
+"""Lanes, the results, scores and costs of their training, and the interface of a trainer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .dynamics import NOMINAL, Dynamics, Ranges
 from .rewards import RewardGraph
 
 OWN_REWARDS: tuple[Literal["human", "sparse"], ...] = ("human", "sparse")
-"""What a task calls the rewards that come with it."""
+"""Names of the rewards that come with a task."""
 RewardProgram = RewardGraph | Literal["human", "sparse"]
 
 Peak = Literal["fitness", "reward", "last"]
@@ -27,7 +27,7 @@ Bonus = Literal["none", "original", "progress"]
 
 
 COMPONENT = "component/"
-"""What the name of a component's curve begins with."""
+"""Prefix of the name of a component's curve."""
 Curve = TypeVar("Curve")
 
 
@@ -37,7 +37,7 @@ def of_components(curves: Mapping[str, Curve]) -> dict[str, Curve]:
 
 
 class PolicyId(NamedTuple):
-    """One of the policies of a run."""
+    """A policy of a run: a lane, and which of its policies."""
 
     lane: str
     peak: Peak
@@ -47,30 +47,30 @@ Role = Literal[
     "candidate",  # a slot of a generation
     "baseline",  # the human or the sparse reward beside the first generation
     "final",  # a fresh seed, at the end of a search
-    "given",  # somebody gave the reward, and wants no search
+    "given",  # a reward that a person gave, without a search
     "tuned",  # fits the numbers of a reward
-    "polish",  # carries the best policy on
-    "robust",  # carries it on in worlds that differ
+    "polish",  # trains the best policy further
+    "robust",  # trains it further, or anew, in worlds that differ
 ]
 """Why a lane is trained."""
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What a lane goes on from, where it does not begin anew."""
+    """The policy that a lane goes on from, where it does not begin anew."""
 
     policy: PolicyId
-    """Of an earlier lane of the run."""
+    """A policy of an earlier lane of the run."""
     fresh: Share
-    """Share of fresh weights in the mixture with that policy's."""
+    """Share of fresh weights in the mixture with that policy's weights."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hardening:
-    """How the policies of a run are trained that are to be robust: all alike, or they could not be compared."""
+    """How a run trains its robust policies: all alike, or they could not be compared."""
 
     policy: PolicyId
-    """The one that they are compared with, and go on from."""
+    """The policy that they are compared with, and go on from."""
     anew: bool
     """Whether they begin from scratch instead."""
     steps: Count
@@ -87,7 +87,7 @@ class Lane:
     role: Role
     start: Start | None = None
     ranges: str = ""
-    """Name of what its worlds are drawn from, where that is its own and not the run's."""
+    """Name of the ranges that its worlds are drawn from; empty for those of the run."""
 
     @property
     def id(self) -> str:
@@ -95,7 +95,7 @@ class Lane:
 
 
 def lane_id(reward: str, seed: int) -> str:
-    """What a lane is called within its run."""
+    """The id of a lane within its run."""
     return f"{reward}-s{seed}"
 
 
@@ -112,26 +112,26 @@ class LaneSpec:
     fresh: Share = 0.0
     """Share of the seed's fresh weights that `start` is mixed with."""
     rescaled: bool = False
-    """Whether `start` was trained under another reward: how large returns are is then learnt anew."""
+    """Whether `start` was trained under another reward: the scale of the returns is then learnt anew."""
     randomise: Ranges | None = None
-    """What its worlds are drawn from, in place of the budget's."""
+    """Ranges that the lane's worlds are drawn from, instead of the budget's."""
     paused: bytes | None = field(default=None, repr=False)
-    """State of this very training where it paused (`TrainingResult.paused`), to go on from; None begins anew."""
+    """State in which this same training paused (`TrainingResult.paused`), to go on from; None begins anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainBudget:
-    """What each lane may spend, zero meaning the task's default, and under which rules."""
+    """What each lane may spend (0 is the task's default), and the rules of its training."""
 
     env_steps: int = 0
     worlds: int = 0
     until: float = 1.0
     """Share of a lane's steps after which it pauses; 1 is the end."""
     bonus: Bonus = "none"
-    """What trains with generated rewards beside what they say: the task's `success_bonus`, as in the original, or pay
-    for rare values of the components that tell progress (`training.rewards`)."""
+    """What a training adds to generated rewards: the task's `success_bonus`, as in the original, or pay for rare values
+    of the components that tell progress (`training.rewards`)."""
     randomise: Ranges | None = None
-    """What the worlds of training are drawn from; None for the task's own alone."""
+    """Ranges that the worlds of training are drawn from; None for the task's own world alone."""
     observe: Observe = "all"
     """What policies see: the whole observation, or what a robot's sensors tell. The critic sees all of it."""
 
@@ -141,9 +141,9 @@ class TrainingState(StrEnum):
 
     FINISHED = "finished"
     PAUSED = "paused"  # at `TrainBudget.until`; it may go on
-    CUT = "cut"  # it paused, and others went on
+    CUT = "cut"  # it paused, and others of its generation went on
     DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
-    FAILED = "failed"  # the worker died with it, more often than it may
+    FAILED = "failed"  # its training killed the worker more often than allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,34 +166,34 @@ class TrainingResult:
     """Maximum over epochs of the task's F; None when F was never defined."""
     curves: Mapping[Name, tuple[Finite | None, ...]]
     """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
-    `human_reward` (per step), and `component/<name>` for each component; of the update that followed,
-    `ppo/surrogate_loss`, `ppo/value_loss`, `ppo/kl`, `ppo/entropy` [nats] and `ppo/learning_rate`, which older
-    trainings lack and no model is shown. None where undefined in that epoch.
+    `human_reward` (per step), and `component/<name>` for each component. Also of each epoch, from the update that ends
+    it: `ppo/surrogate_loss`, `ppo/value_loss`, `ppo/kl`, `ppo/entropy` [nats] and `ppo/learning_rate`; older trainings
+    lack these, and no model is shown them. None where undefined in that epoch.
 
-    Of the last tenth of the epochs, a single number each: `component_early/<name>` in the first quarter of an episode's
-    longest length, `component_late/<name>` in the rest. Older trainings lack them."""
+    Over the last tenth of the epochs, a single number each: `component_early/<name>` in the first quarter of the
+    longest possible episode, `component_late/<name>` in the rest. Older trainings lack them."""
     env_steps: Count
     seconds: Finite
     steps_before: Count = 0
     """Environment steps before the curves begin: those of the earlier stages of a curriculum."""
     clock: tuple[Finite, ...] = field(default=(), compare=False, repr=False)
-    """[s] of the training at each epoch of the curves; empty where an older version kept none."""
+    """Training time [s] at each epoch of the curves; empty where an older version kept none."""
     correlation: Finite | None = None
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant, and
     where the lane ended early."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
     last: bytes | None = field(default=None, repr=False)
-    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early, and where the
-    store left it in its file."""
+    """Policy at the end of training, from which the next stage of a curriculum goes on; None for a lane that ended
+    early, and where the store left it in its file."""
     paused: bytes | None = field(default=None, compare=False, repr=False)
-    """All that a PAUSED lane goes on from; None for others, and where it was stored."""
+    """The whole state from which a PAUSED lane goes on; None for other lanes, and where the store holds it."""
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 
     @property
     def over_epochs(self) -> dict[Name, tuple[Finite | None, ...]]:
-        """The curves, without what is a single number."""
+        """The curves, without those entries that are a single number."""
         single = ("component_early/", "component_late/")
         return {name: curve for name, curve in self.curves.items() if not name.startswith(single)}
 
@@ -206,11 +206,11 @@ class TrainingResult:
 
     @property
     def blobs(self) -> dict[str, bytes]:
-        """Its policies, and the state that it goes on from, by the names of their fields."""
+        """Its policies and the state that it goes on from, by the names of their fields."""
         return self.policies | ({"paused": self.paused} if self.paused is not None else {})
 
     def holding(self, blobs: Mapping[str, bytes]) -> TrainingResult:
-        """The same with these of its `blobs` alone; a peak whose policy is not among them has an empty one."""
+        """A copy with only these of its `blobs`; a peak whose policy is not among them has an empty one."""
         peaks = {
             name: replace(peak, policy=blobs.get(name, b""))
             for name, peak in (("best_fitness", self.best_fitness), ("best_reward", self.best_reward))
@@ -237,29 +237,29 @@ class TrainingProgress:
     fitness: Mapping[str, Finite | None]
     """Best F so far per lane id."""
     resumed: int = 0
-    """Of `epoch`, those done before anything was heard of them, by a run that was stopped: they tell no pace."""
+    """Of `epoch`, those that a stopped run had done before: they say nothing about the pace."""
     latest: Mapping[str, Mapping[Name, Finite | None]] = field(default_factory=dict[str, Mapping[str, "Finite | None"]])
     """Newest value of `fitness`, `reward` and each `component/<name>` per lane id."""
     nodes: Mapping[str, NodeShare] = field(default_factory=dict[str, NodeShare])
-    """What each machine of a cluster does of it, by name; empty on one machine."""
+    """What each machine of a cluster trains, by name; empty on one machine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episodes:
-    """Some episodes of one policy, thinned: what further rewards would have paid in them can be told."""
+    """Some episodes of one policy, with a part of their states: enough to tell what other rewards would have paid."""
 
     fitness: tuple[Finite | None, ...]
     """F of each; None where it is undefined."""
     steps: tuple[Count, ...]
-    """Of each, before it was thinned."""
+    """Steps of each, before states were left out."""
     owners: tuple[Count, ...]
-    """Of each state that is left, which of the episodes it belongs to."""
+    """For each state that is left, the index of its episode."""
     states: bytes = field(default=b"", repr=False)
-    """Those states, in a form that only trainers read."""
+    """The states that are left, in a form that only trainers read."""
 
 
 class Cost(NamedTuple):
-    """A quantity of a robot at work; less is better."""
+    """A measured quantity of a robot at work; less is better."""
 
     unit: str
     meaning: str
@@ -289,22 +289,22 @@ class Evaluation:
     fitness: Finite | None
     episode_length: Finite
     episodes: int
-    """Those that were played to their end."""
+    """Episodes that were played to their end."""
     lost: int = 0
-    """Further ones, in which the physics broke down: where F tells of whole episodes, it does not tell of them. 0 also
-    where an older version did not count."""
+    """Further episodes, in which the physics broke down. An F that measures whole episodes leaves them out. Also 0
+    where an older version did not count them."""
     error: Finite | None = None
-    """Standard error of `fitness` over episodes; None where nobody measured it."""
+    """Standard error of `fitness` over episodes; None where it was not measured."""
     noisy: bool = False
-    """Whether actions had the noise of training: without it all episodes of this task would be one."""
+    """Whether actions had the noise of training. Without it, all episodes of such a task would be identical."""
     concentration: Finite | None = None
-    """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
+    """Share of the positive contributions to F that comes from the highest twentieth of them; None without any."""
     peak: Peak | None = None
-    """Which of the lane's policies it is; None of an untrained one, and where an older version did not say."""
+    """Which of the lane's policies played; None for an untrained one, and where an older version did not say."""
     costs: Mapping[Name, Finite] = field(default_factory=dict[str, float], hash=False)
-    """What it costs, by the names in `COSTS`; those that its task has."""
+    """The policy's costs, by the names in `COSTS`, as far as the task has them."""
     recorded: Episodes | None = field(default=None, compare=False, repr=False)
-    """Some of its episodes, where that was asked for; never of one from a store, which keeps them apart."""
+    """Some of its episodes, if recording was asked for; None in a score from a store, which keeps episodes apart."""
 
     def broken(self, limits: Limits) -> tuple[str, ...]:
         """The limits that the policy breaks, by name; what was not measured breaks none."""
@@ -313,15 +313,15 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tryout:
-    """One more held-out score to be taken of a training, of another policy or in another world."""
+    """One more held-out score to take of a lane: of another policy, or in another world."""
 
     lane: str
     name: str
     peak: Peak
-    """Which of its policies plays."""
+    """Which of the lane's policies plays."""
     dynamics: Dynamics = NOMINAL
     untrained: bool = False
-    """Whether it plays with the weights that the lane's seed begins with, as before it learnt anything."""
+    """Whether the policy plays with the weights that the lane's seed begins with, before any training."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,13 +329,13 @@ class Standing:
     """How a lane stood when it paused."""
 
     played: Evaluation
-    """Score of its policy of that moment."""
+    """Score of its policy at that moment."""
     went_on: bool
-    """Whether it trained on; else others of its generation did."""
+    """Whether it trained on; if not, others of its generation did."""
 
 
 TrainingEvent = TrainingProgress | TrainingResult
-"""What training tells of a lane."""
+"""What a trainer reports of a lane."""
 
 
 class Trainer(Protocol):
@@ -344,8 +344,8 @@ class Trainer(Protocol):
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         """Train every lane; exactly one result per lane, in any order, progress in between.
 
-        With `budget.until` the result of a lane that came so far is PAUSED. Lanes that go on from there come with that
-        state, all of the same epoch, in any company.
+        With `budget.until`, the result of a lane that reaches that share is PAUSED. Lanes that go on from there are
+        given with that state, all at the same epoch, and need not be grouped as before.
         """
         ...
 
@@ -363,19 +363,19 @@ class Trainer(Protocol):
         """Score of each policy (lane id -> safetensors bytes), all on the same start states, which no training saw.
 
         Args:
-            seed: of the start states.
-            episodes: of each policy; 0 for as many as a final score needs.
-            dynamics: the lanes that play in another world than the task's.
-            record: the lanes some of whose episodes come with the score; nobody asks but with `screen=`.
-            untrained: the lanes that play with the weights that a seed begins with, in place of their policy's.
+            seed: seed of the start states.
+            episodes: episodes of each policy; 0 for as many as a final score needs.
+            dynamics: by lane id, the worlds of lanes that play in another world than the task's.
+            record: ids of the lanes whose score comes with some of their episodes; only `screen=` needs this.
+            untrained: by lane id, the seeds of lanes that play with a seed's initial weights instead of their policy's.
         """
         ...
 
     def rewards(
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
     ) -> Mapping[str, Sequence[float]]:
-        """What each program pays in each recorded state, those of the first episodes first, by the program's name.
+        """What each program pays in each recorded state, by the program's name; states are in the order of `episodes`.
 
-        One that cannot be computed there is left out. Only `screen=` asks.
+        A program that cannot be computed there is left out. Only `screen=` needs this.
         """
         ...
