@@ -27,7 +27,7 @@ class Baselines:
     date: str
 
     def sentence(self) -> str:
-        """How the numbers came about."""
+        """How the numbers were measured, in a sentence."""
         seeds = len(self.human.training)
         size = f"{self.env_steps:,} steps in {self.worlds} worlds, {seeds} seed{'s' if seeds != 1 else ''}"
         return f"The human and the sparse reward were measured beforehand: {size}, on {self.device}, {self.date}."
@@ -37,8 +37,8 @@ def known(env: str, *, played: bool = False) -> Baselines | None:
     """Measured baselines of a task that openeureka ships; None for tasks it does not know.
 
     Args:
-        played: take held-out F of the policies at the peak of F or at that of their own reward, whichever play better
-            on average, as a run keeps the policy that does; else those at the peak of F.
+        played: whether to take held-out F of the policies at the peak of F or at that of their own reward, whichever
+            play better on average, as a run does; else of those at the peak of F.
     """
     entry = _shipped().get(env)
     if entry is None:
@@ -60,10 +60,10 @@ def known(env: str, *, played: bool = False) -> Baselines | None:
 
 
 def chosen(config: RunConfig) -> Baselines | None:
-    """What `baselines=known` of a run refers to; None where the run trains both rewards itself.
+    """The baselines that `baselines=known` refers to; None where the run trains both rewards itself.
 
     Raises:
-        ConfigError: when they were not measured for this task.
+        ConfigError: when they were not measured for this task as the run trains it.
     """
     if config.baselines != "known":
         return None
@@ -75,12 +75,12 @@ def chosen(config: RunConfig) -> Baselines | None:
 
 
 def measured(config: RunConfig) -> Baselines | None:
-    """What is known beforehand of a task as a run trains it; None where it was measured otherwise or not at all."""
+    """The shipped baselines of a task; None if it has none, or the run's settings differ from those measured."""
     return known(config.env, played=config.search != "eureka") if not _apart(config) else None
 
 
 def _apart(config: RunConfig) -> str:
-    """What a run trains with that no baseline was measured with; empty where there is nothing."""
+    """The first setting of a run that no baseline was measured with, as ` with NAME`; empty where there is none."""
     unlike = (
         ("a curriculum", bool(config.curriculum)),
         ("randomise=", config.randomise != NO_RANGES),

@@ -19,10 +19,10 @@ Given = Mapping[str, tuple[Candidate, Verdict] | None]
 
 
 def keep(store: Store, rewards: Given) -> None:
-    """Have the store hold the rewards, so that a run that goes on needs no file.
+    """Have the store hold the rewards, so that a resumed run needs no file.
 
     Raises:
-        StoreError: when it holds others.
+        StoreError: when the store holds other rewards.
     """
     known, wanted = store.rewards.named(), {name: found[0].id if found else None for name, found in rewards.items()}
     if known and known != wanted:
@@ -40,11 +40,11 @@ def keep(store: Store, rewards: Given) -> None:
 def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     """Train the store's given rewards, play their policies and score them on held-out episodes.
 
-    `best/` gets the policy of highest held-out F, of the reward whose mean is the highest.
+    `best/` gets the policy of highest held-out F, of the reward with the highest mean.
 
     Args:
-        lanes: of the run.
-        more: what is wanted beside the lanes that were begun; None for every reward with every seed of the settings.
+        lanes: lanes of the run.
+        more: lanes to train besides those already begun; None for every reward with every seed of the settings.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
@@ -71,7 +71,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
         by_reward.setdefault(record.reward, []).append(lane)
     best = max(by_reward, key=lambda name: rank(mean([fitness.get(lane) for lane in by_reward[name]])))
     lane = max(by_reward[best], key=lambda lane: rank(fitness.get(lane)))
-    kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
+    kept = scores[lane].peak if lane in scores else None  # it may have played again since, beside later lanes
     store.save_best(store.rewards.candidate(store.rewards.named()[best]), PolicyId(lane, kept or peaks[lane]))
 
 
@@ -81,15 +81,15 @@ def of_given(store: Store) -> dict[str, Lane]:
 
 
 def programs(store: Store) -> dict[str, RewardProgram]:
-    """What the given rewards train under, by name."""
+    """Programs of the given rewards, by name."""
     found: dict[str, RewardProgram] = {}
     for name in store.rewards.named():
         own = store.rewards.program(name)
-        assert own is not None  # what was refused is never kept
+        assert own is not None  # a refused reward is never stored
         found[name] = own
     return found
 
 
 def seeds(config: RunConfig) -> range:
-    """Those that every given reward trains with."""
+    """Seeds that every given reward trains with."""
     return range(config.seed, config.seed + config.seeds)

@@ -14,13 +14,13 @@ from ..score import ERRORS, breach
 from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Tryout
 
 DRIFT = 0.2
-"""Share of the range of F over training that training on for the reward may cost."""
+"""Largest share of F's range over training that may be lost while training goes on for the own reward."""
 CONCENTRATED = 0.5
-"""Share of F that the highest twentieth of its contributions may make; a twentieth where all are equal."""
+"""Largest share of F that the highest twentieth of its contributions may make; it is 0.05 where all are equal."""
 LOST = 0.01
-"""Share of the episodes that the physics may break down in."""
+"""Largest share of the episodes in which the physics may break down."""
 FRAGILE = 0.5
-"""Share of the learnt F that a tenth more or less of mass or friction may cost."""
+"""Largest share of the learnt F that a change of 10 % in mass or friction may cost."""
 
 WORLDS: Mapping[str, Dynamics] = {
     "mass +10 %": Dynamics(mass=1.1),
@@ -30,13 +30,13 @@ WORLDS: Mapping[str, Dynamics] = {
 }
 """The changed worlds that the final policy is tried in."""
 UNTRAINED = "untrained"
-"""The tryout of the policy that the seed begins with, in the task's own world."""
+"""Name of the tryout in which the policy that the seed begins with plays in the task's own world."""
 PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
 """Names of the scores of a training's policies."""
 
 
 class Kind(StrEnum):
-    """What gives an exploited reward away."""
+    """Kinds of signs that a reward is exploited."""
 
     DRIFT = "own reward rises while F falls"
     CONCENTRATION = "F rests on few moments"
@@ -47,7 +47,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """One finding, with a sentence of the numbers that it rests on."""
+    """One finding, with a sentence that gives the numbers behind it."""
 
     kind: Kind
     sentence: str
@@ -60,17 +60,17 @@ class Tried:
     result: TrainingResult
     held_out: Evaluation
     tryouts: Mapping[str, Evaluation]
-    """By name: those of `WORLDS` and `UNTRAINED` for the policy that is kept, and of `PEAKS` where those are two
-    policies."""
+    """Scores by name: those of `WORLDS` and `UNTRAINED` for the policy that the run keeps, and those of `PEAKS` where F
+    and the own reward peak in two policies."""
 
 
 def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Tryout]:
-    """What has to be tried before `signs` can tell.
+    """The tryouts that `signs` needs.
 
     Args:
         results: final trainings of the best reward by lane id.
-        kept: the one whose policy is the run's; it alone plays in the changed worlds, and as it was untrained.
-        peaks: of each, the policy that has a held-out score already.
+        kept: the lane whose policy the run keeps; only this one plays in the changed worlds, and untrained.
+        peaks: for each lane, the policy that has a held-out score already.
     """
     drifting = [
         Tryout(lane=lane, name=PEAKS[other], peak=other)
@@ -88,7 +88,7 @@ def tried(
     held_out: Mapping[str, Evaluation],
     others: Mapping[str, Mapping[str, Evaluation]],
 ) -> list[Tried]:
-    """Everything known of the final trainings, of those that left a policy.
+    """The final trainings that have a held-out score, each with all its scores.
 
     Args:
         others: scores in tryouts, by lane id and name.
@@ -101,7 +101,7 @@ def tried(
 
 
 def _two(result: TrainingResult) -> bool:
-    """Whether the own reward peaked later than F, so that training on for it may have cost F."""
+    """Whether the own reward peaked later than F, so that training further may have cost F."""
     first, last = result.best_fitness, result.best_reward
     return first is not None and last is not None and last.epoch > first.epoch
 
@@ -110,7 +110,7 @@ def signs(lanes: Sequence[Tried], limits: Limits) -> tuple[Sign, ...]:
     """What speaks against a reward, given its final trainings.
 
     Drift, concentration and broken limits count when at least half of the trainings show them: one seed in three may be
-    an accident. One that breaks the physics is none: F leaves out what it lost.
+    an accident. Broken physics counts even in a single training, since F leaves out the episodes that it lost.
     """
     found = [_shared(Kind.DRIFT, lanes, drift), _shared(Kind.CONCENTRATION, lanes, concentration)]
     found.append(_shared(Kind.LIMITS, lanes, lambda lane: _breach(lane, limits)))
@@ -127,9 +127,9 @@ def _shared(kind: Kind, lanes: Sequence[Tried], look: Callable[[Tried], str], le
 
 
 def drift(lane: Tried) -> str:
-    """Whether held-out F fell between the epoch of its peak and a later one at which the own reward was higher.
+    """A sentence if held-out F fell between the epoch of its peak and a later one with a higher own reward, else empty.
 
-    Both policies play the same held-out episodes, so that the peak of F is not flattered by having been picked.
+    Both policies play the same held-out episodes, so the peak of F gains nothing from having been picked.
     """
     first, last = lane.result.best_fitness, lane.result.best_reward
     before, after = lane.tryouts.get(PEAKS["fitness"]), lane.tryouts.get(PEAKS["reward"])
@@ -140,7 +140,7 @@ def drift(lane: Tried) -> str:
     if loss is None or scale is None or loss <= DRIFT * scale:
         return ""
     own = lane.result.curves.get("reward", ())
-    if max(first.epoch, last.epoch) >= len(own):  # a trainer from elsewhere recorded less
+    if max(first.epoch, last.epoch) >= len(own):  # a trainer of another package recorded less
         return ""
     return (
         f"from epoch {first.epoch} to {last.epoch} the own reward rose from {number(own[first.epoch], 3)} to "
@@ -150,7 +150,7 @@ def drift(lane: Tried) -> str:
 
 
 def concentration(lane: Tried) -> str:
-    """Whether a few moments make most of held-out F."""
+    """A sentence if a few moments make most of held-out F, else empty."""
     share = lane.held_out.concentration
     if share is None or share <= CONCENTRATED:
         return ""
@@ -161,13 +161,13 @@ def concentration(lane: Tried) -> str:
 
 
 def _breach(lane: Tried, limits: Limits) -> str:
-    """What held-out play costs beyond the limits."""
+    """A sentence on the limits that are broken in held-out episodes, else empty."""
     broke = breach(lane.held_out, limits)
     return f"held out, {broke}." if broke else ""
 
 
 def breakage(lane: Tried) -> str:
-    """Whether the physics breaks down in more than a few of its episodes."""
+    """A sentence if the physics breaks down in more than a few held-out episodes, else empty."""
     lost = lane.held_out.lost
     played = lane.held_out.episodes + lost
     if lost <= LOST * played:
@@ -176,7 +176,7 @@ def breakage(lane: Tried) -> str:
 
 
 def fragility(lane: Tried) -> str:
-    """Whether the policy loses most of what it learnt in one of the changed worlds."""
+    """A sentence if the policy loses most of what it learnt in one of the changed worlds, else empty."""
     losses = {
         name: loss
         for name in WORLDS
@@ -193,21 +193,21 @@ def fragility(lane: Tried) -> str:
 
 
 def _range(result: TrainingResult) -> float | None:
-    """How far F is apart at the worst and the best epoch; None where it was never defined."""
+    """Difference of F between its best and its worst epoch; None where it was never defined."""
     values = [value for value in result.curves.get("fitness", ()) if value is not None]
     return max(values) - min(values) if values else None
 
 
 def learnt(score: Evaluation | None, untrained: Evaluation | None) -> float | None:
-    """How far F is above that of the untrained policy; None when training gained nothing, or that is not known: older
-    versions let no untrained policy play."""
+    """How far F is above that of the untrained policy; None when training gained nothing, or where this is unknown:
+    older versions did not play the untrained policy."""
     if score is None or untrained is None or score.fitness is None or untrained.fitness is None:
         return None
     return score.fitness - untrained.fitness if score.fitness > untrained.fitness else None
 
 
 def _loss(before: Evaluation, after: Evaluation) -> float | None:
-    """How much F fell; None when it did not, beyond its errors. F that is no longer defined is not a number to fall."""
+    """How much F fell; None where it did not fall by more than its errors, or is undefined before or after."""
     if before.fitness is None or after.fitness is None:
         return None
     loss = before.fitness - after.fitness

@@ -41,33 +41,33 @@ from .schedule import RUNGS, WHOLE, Ladder
 from .seeds import Wanted, final_lanes
 
 HELD_OUT, CHOOSING, COMPARING, ROBUST = 1_000_003, 2_000_003, 3_000_003, 4_000_003
-"""Added to the seed of a run: start states of its final scores, those it chooses by, those on which a policy that was
-chosen by its final score is compared, and those on which robust policies are judged. No lane trains with them."""
+"""Added to the seed of a run, these give its start states: for final scores, for choosing, for comparing a policy that
+was chosen by its final score, and for judging robust policies. No lane trains with them."""
 EPISODES = (8, 64)
-"""Of each policy and look, the least and the most."""
+"""Fewest and most episodes of each policy in each look."""
 SHARE = 0.1
-"""Of the steps of a training that both looks may take together."""
+"""Share of a training's steps that both looks together may take."""
 
 Sharing = Mapping[str, Sequence[LaneSpec]]
-"""By the id of the lane that trains: all lanes that its result is for."""
+"""All lanes that a training's result is for, by the id of the lane that trains."""
 
 
 def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
-    """Episodes that each of so many policies of a lane may play in one of two looks. Lanes share what they trained: one
-    that was cut or diverged early takes no episodes from the others."""
+    """Episodes that each of the `peaks` policies of a lane may play in one of two looks. They depend on the mean steps
+    of all lanes, so a lane that was cut or diverged early plays as many as the others."""
     fewest, most = EPISODES
     lengths = [length for result in trained for length in result.curves.get("episode_length", ()) if length]
-    if not lengths:  # episodes are longer than the trainings were
+    if not lengths:  # no episode ended: they are longer than the trainings
         return fewest
     steps = sum(result.env_steps for result in trained) / max(1, len(trained))
     return max(fewest, min(most, int(SHARE * steps / (2 * peaks * max(lengths)))))
 
 
 def drawn(config: RunConfig) -> Ranges | None:
-    """What the worlds of a run are drawn from; None for the task's own alone."""
+    """Ranges that the worlds of a run are drawn from; None for the task's own world alone."""
     if config.randomise == NO_RANGES:
         return None
-    from ..tasks import ranges  # knows the simulator, which a search of fakes does without
+    from ..tasks import ranges  # imports the simulator, which a search with fakes does without
 
     return ranges.find(config.env, config.randomise)
 
@@ -81,25 +81,25 @@ class Lanes:
     trainer: Trainer
     tell: Tell
     ranks: Ranks = "played"
-    """What ranks them: where it is "training", none plays."""
+    """What ranks candidates: with "training", no lane plays."""
     peaks: tuple[Peak, ...] = PEAKS
-    """Which policies of a lane may stand for it: that which plays best, or the first where none plays."""
+    """Policies that may stand for a lane: the one that plays best does, or the first where none plays."""
 
     def train(self, wanted: Iterable[Wanted], *, steps: int = 0) -> dict[str, TrainingResult]:
-        """Results of all these lanes, by id; those that the store holds are not trained again.
+        """Results of all these lanes, by id; lanes whose result is stored are not trained again.
 
         Args:
             steps: environment steps of each; 0 for those of the settings.
 
         Raises:
-            WorkerError: when no lane at all could be trained, nor the task's own reward: the machine's fault, not a
-                reward's. A lane that ends its worker by itself has a result that says so.
+            WorkerError: when no lane at all could be trained, not even under the task's own reward: that is the
+                machine's fault, not a reward's. A single lane that kills its worker has a FAILED result instead.
         """
         lanes = dict(wanted)
         self.store.lanes.add(lanes)
         sharing = self._shared(lanes)
         going = {lane: group[0] for lane, group in sharing.items()}
-        raced = self.store.history().lanes  # a program that comes again does not race again
+        raced = self.store.history().lanes  # a program of an earlier generation does not race again
         rivals = frozenset(lane.id for lane in lanes if lane.role == "candidate").difference(raced)
         ladder = Ladder(self.store.lanes, rivals, self.config.cost_limits, self._of_the_moment)
         whole = self._budget(steps)
@@ -117,8 +117,8 @@ class Lanes:
                     raise
                 finally:
                     if isinstance(events, Generator):
-                        events.close()  # an error that somebody keeps would keep it, and its workers, at work
-            # Beside generated rewards alone the trainer has tried the human one.
+                        events.close()  # else whoever keeps the error would keep this, and its workers, at work
+            # If all of these rewards are generated, the trainer itself has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
                 raise WorkerError(failed[0].message)
@@ -131,14 +131,14 @@ class Lanes:
         return {lane.id: results[lane.id] for lane in lanes}
 
     def _trained(self, lanes: Iterable[Lane]) -> bool:
-        """Whether any of them left a policy, perhaps before the run was stopped: the machine can train."""
+        """Whether any of these lanes could be trained, perhaps before the run was stopped: the machine can train."""
         results = self.store.lanes.results()
         known = (results[lane.id] for lane in lanes if lane.id in results)
         return any(result.state is not TrainingState.FAILED for result in known)
 
     def _shared(self, lanes: Mapping[Lane, RewardProgram]) -> dict[str, list[LaneSpec]]:
-        """The lanes without a result, by the one of them that trains for all that would train alike: programs that
-        differ only in comments or local names have equal graphs."""
+        """The lanes without a result, by the one that trains for all that would train alike: programs that differ only
+        in comments or local names have equal graphs."""
         known = self.store.lanes.results()
         alike: dict[str, list[LaneSpec]] = {}
         for lane, program in lanes.items():
@@ -156,7 +156,7 @@ class Lanes:
         hear: Callable[[TrainingEvent], None],
         stop: KeyboardInterrupt,
     ) -> None:
-        """Keep the results that had come when Ctrl-C fell between two of them, or while the last was being kept."""
+        """Keep results that had arrived when Ctrl-C came between two events, or while the last one was being stored."""
         if isinstance(last, TrainingResult) and last.lane not in self.store.lanes.results():
             hear(last)
         if isinstance(events, Generator):
@@ -166,7 +166,7 @@ class Lanes:
                     hear(late)
 
     def _hear(self, event: TrainingEvent, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
-        """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
+        """Store an event on the way to rung `number`; failed lanes are left to the caller, to judge them together."""
         if isinstance(event, TrainingProgress):
             self.tell(event)
         elif event.state is TrainingState.PAUSED:
@@ -177,7 +177,7 @@ class Lanes:
             self._keep(event, sharing[event.lane])
 
     def _budget(self, steps: int) -> TrainBudget:
-        """What each lane trains with, as long as nothing cuts it."""
+        """What each lane trains with, if no rung cuts it."""
         return TrainBudget(
             env_steps=steps or self.config.steps,
             worlds=self.config.worlds,
@@ -196,7 +196,7 @@ class Lanes:
         return dataclasses.replace(spec, start=log.policy(*policy), fresh=lane.start.fresh, rescaled=rescaled)
 
     def _of_the_moment(self, paused: Mapping[str, TrainingResult]) -> dict[str, Evaluation]:
-        """What the newest policies of lanes under way score, on start states for choosing."""
+        """Scores of the newest policies of paused lanes, on start states for choosing."""
         policies = {lane: result.last for lane, result in paused.items() if result.last is not None}
         seed, episodes = self.config.seed + CHOOSING, affordable(paused.values(), 1)
         return {s.lane: s for s in self.trainer.evaluate(self.config.env, policies, seed=seed, episodes=episodes)}
@@ -213,11 +213,11 @@ class Lanes:
         return final_lanes(self.config, entries, self.store.lanes.results(), self.store.lanes.plays(), seeds)
 
     def play(self, ids: Iterable[str]) -> dict[str, Evaluation]:
-        """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
-        where training ranks.
+        """Score of each lane, by the one of its policies that plays best, on start states for choosing; none if
+        training ranks.
 
-        All play some episodes; those candidates that are level with the best of them within the errors of both play
-        some more. All of it takes at most about a tenth of the steps of training.
+        First all lanes play some episodes. Then the candidates that are level with the best of them, within the errors
+        of both, play some more. All of it takes at most about a tenth of the steps of training.
         """
         if self.ranks == "training":
             return {}
@@ -232,12 +232,12 @@ class Lanes:
         return scores
 
     def first_looks(self, ids: Iterable[str]) -> dict[str, Evaluation]:
-        """What each lane scored when it played first. Whether it has played again depends on when a run was stopped, so
-        what a resumed run decides anew rests on this."""
+        """Score of each lane in its first look alone. Whether a lane has had a second one depends on when a run was
+        stopped, so a resumed run bases decisions that it makes again on first looks."""
         return self._scores(ids, looks=1)
 
     def scores(self) -> dict[str, Evaluation]:
-        """What every lane that has played scored, in all looks."""
+        """Score of every lane that has played, over all looks."""
         return self._scores(self.store.lanes.plays())
 
     def _scores(self, ids: Iterable[str], looks: int | None = None) -> dict[str, Evaluation]:
@@ -249,9 +249,10 @@ class Lanes:
         }
 
     def _look(self, look: int, ids: Sequence[str]) -> None:
-        """Let those play that have not yet, in this look, side by side on the same start states."""
+        """Let the lanes play that have not played in this look yet, side by side on the same start states."""
         known, results, records = self.store.lanes.plays(), self.store.lanes.results(), self.store.lanes.all()
-        # Whose F is undefined wins nothing, unless it was cut while F waited, or went on from a policy for too short.
+        # A lane whose F is undefined does not play. Exceptions: lanes that were cut before F was first measured, and
+        # lanes that continued a policy for too few steps to measure it.
         early = {lane for lane in ids if results[lane].state is TrainingState.CUT or records[lane].start is not None}
         ids = [lane for lane in ids if results[lane].fitness is not None or lane in early]
         missing = [
@@ -265,10 +266,10 @@ class Lanes:
         episodes = affordable([results[lane] for lane in ids], len(self.peaks))
         record = self._evidence(missing) if self.config.screen > 1 and not look else ()
         scores = [score for _, score in self._play(missing, CHOOSING + look, episodes, record)]
-        self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
+        self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may change the last bit
 
     def _evidence(self, looks: Iterable[Tryout]) -> frozenset[str]:
-        """By which of these a later screen may judge: the first policy of each lane of the search."""
+        """Keys of the tryouts that a later screen may judge by: the first policy of each candidate and baseline."""
         roles, firsts = self.store.lanes.all(), dict[str, str]()
         for one in looks:
             if roles[one.lane].role in ("candidate", "baseline"):
@@ -276,30 +277,30 @@ class Lanes:
         return frozenset(firsts.values())
 
     def counted_peaks(self, ids: Iterable[str]) -> dict[str, Peak]:
-        """Which of its policies counts for each lane: that which plays best, or the first where none was played."""
+        """The policy that counts for each lane: the one that plays best, or the first of `peaks` if none was played."""
         plays = self.store.lanes.plays()
         limits = self.config.cost_limits
         return {lane: counted_peak(plays.get(lane), self.peaks[0], limits) for lane in ids}
 
     def keep(self, best: Scored | None, lane: str | None = None) -> None:
-        """Leave a reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
-        if best is None:  # who led may be rejected by now
+        """Put a reward into `best/`, with the policy of a lane (None: its lane in the search); None empties `best/`."""
+        if best is None:  # a person may have rejected the former leader
             return self.store.folders.clear("best")
         lane = lane or lane_id(best.candidate_id, self.config.seed)
         self.store.save_best(best.sample.candidate, PolicyId(lane, self.counted_peaks([lane])[lane]))
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
-        """Held-out scores by lane id, each of the named policy; a lane without it has none."""
+        """Held-out score of the named policy of each lane, by lane id; a lane without that policy has none."""
         known = self.store.lanes.evaluations()
         missing = (Tryout(lane=lane, name="", peak=peak) for lane, peak in ids.items() if lane not in known)
         self.store.lanes.save_evaluations([score for _, score in self._play(missing, HELD_OUT)])
         return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
     def try_out(self, tryouts: Iterable[Tryout], *, starts: int = HELD_OUT, episodes: int = 0) -> None:
-        """Take the scores that the store does not hold yet.
+        """Take those of these scores that the store does not hold yet.
 
         Args:
-            starts: whether on the start states of `evaluate`, those for choosing, for comparing, or of robust policies.
+            starts: `HELD_OUT`, `CHOOSING`, `COMPARING` or `ROBUST`: which start states they are taken on.
             episodes: of each tryout; 0 for as many as a final score needs.
         """
         known = self.store.lanes.tryouts()
@@ -310,14 +311,14 @@ class Lanes:
     def _play(
         self, tryouts: Iterable[Tryout], starts: int, episodes: int = 0, record: Collection[str] = ()
     ) -> Iterator[tuple[Tryout, Evaluation]]:
-        """What these score side by side, on the same start states; one whose policy is not kept scores nothing."""
+        """Scores of tryouts, side by side on the same start states; a tryout whose policy is not stored has none."""
         asked = {_key(tryout): tryout for tryout in tryouts}
         policies = {key: self.store.lanes.policy(tryout.lane, tryout.peak) for key, tryout in asked.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         if not playing:
             return
         records = self.store.lanes.all()
-        # Without `screen=` a trainer of somebody's own need not know the word.
+        # Only with `screen=`: other trainers, of a person's own, need not know this argument.
         play = partial(self.trainer.evaluate, record=record) if record else self.trainer.evaluate
         for score in play(
             self.config.env,
@@ -333,11 +334,11 @@ class Lanes:
 
 
 def _key(tryout: Tryout) -> str:
-    """What the trainer knows it by."""
+    """The id under which the trainer knows a tryout."""
     return f"{tryout.lane} {tryout.name}".rstrip()
 
 
 def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:
-    """Lanes that go on, and those that begin anew as what they were at a rung is lost: no population trains both."""
+    """Lanes that go on, and those that begin anew since their state at a rung is lost: none trains with the others."""
     groups = [[spec for spec in due if (spec.paused is None) == anew] for anew in (False, True)]
     return [group for group in groups if group]

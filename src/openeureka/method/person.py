@@ -15,18 +15,18 @@ from ..store.directory import check
 from ..types import Generation, History, RemarkKind
 
 POLL = 0.5
-"""[s] between two looks at what was said elsewhere."""
+"""[s] between two checks for remarks that were made elsewhere."""
 
 
 class Desk(Protocol):
-    """Where the person who started the run may sit. What is said there reaches the store as all else: by `say`."""
+    """Where the person who started the run may answer. Like all others, remarks made there reach the store by `say`."""
 
     def invite(self, generation: Generation) -> None:
-        """Show what there is to judge, and return when it can be watched."""
+        """Invite the person to judge a generation, once its policies can be watched."""
         ...
 
     def listen(self, seconds: float) -> None:
-        """Let so long pass, less when something is said here."""
+        """Wait for so many seconds, less when something is said here."""
         ...
 
 
@@ -34,8 +34,8 @@ class Desk(Protocol):
 class Hearing:
     """Adds to a history what a person says of its last generation.
 
-    Every remark is committed when it is said; what counts for the next prompt is closed by one row. A run that is
-    killed while it waits, waits again, and has lost nothing.
+    Every remark is committed when it is said. One more row then closes the list of those that count for the next
+    prompt. A run that is killed while it waits will wait again and has lost nothing.
     """
 
     config: RunConfig
@@ -44,7 +44,7 @@ class Hearing:
     tell: Tell
 
     def hear(self, history: History) -> History:
-        """The history with the remarks on its last generation, where a person is to be heard and was not yet."""
+        """The history with the remarks on its last generation, if a person is to be heard and has not been yet."""
         index = len(history.generations) - 1
         if not 0 <= index < self.config.hearings or self.store.remarks.heard(index) is not None:
             return history
@@ -55,10 +55,10 @@ class Hearing:
         return history.heard(self.store.remarks.hear(index))
 
     def _repeat(self, index: int) -> None:
-        """Say what was said in the run that is replayed."""
+        """Repeat what was said in the replayed run."""
         recorded = read_remarks(self.config.model.removeprefix("replay:")).get(index, ())
         if self.store.remarks.unheard()[-len(recorded) :] == recorded:
-            return  # they are committed all or none: a replay that was killed here has them
+            return  # a replay that was killed here has them: all or none are committed
         try:
             check(self.store, recorded)
         except FeedbackError as error:
@@ -69,7 +69,7 @@ class Hearing:
         self.store.remarks.say(*recorded)
 
     def _wait(self, generation: Generation) -> None:
-        """Until somebody says `go`, or nobody did for too long."""
+        """Wait until somebody says `go`, at most for `feedback_timeout`."""
         self.tell(Began("feedback", generation.index))
         self.desk.invite(generation)
         end = time.monotonic() + (self.config.feedback_timeout or math.inf)

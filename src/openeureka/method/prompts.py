@@ -2,8 +2,8 @@
 
 Two styles. `free` is a conversation for strong models, in the manner of Eureka (arXiv 2310.12931): source and state
 table of the task, then each earlier program followed by its feedback. `grammar` is for the embedded model: a compact
-table, three worked examples, no turns but the parents, and an answer that begins with the function's signature and goes
-on as the typed grammar allows.
+table, three worked examples, only the parents as turns, and an answer that begins with the function's signature and
+goes on as the typed grammar allows.
 
 What programs, models and trainings wrote is data: it is cleaned and capped before it enters a prompt.
 """
@@ -45,7 +45,7 @@ MAX_SIBLINGS, MAX_TERMS, MAX_TERM = 15, 10, 30
 MAX_WORDS = 4_000
 """Characters of what a person said; the embedded model is shown half of it."""
 ROOM = 50
-"""Characters within those that a remark of several lines leaves to its marks, so that what is cut fits whole."""
+"""Characters of these that a remark leaves free for the marks before its lines, so that a cut one fits whole."""
 MAX_REJECTED = 2
 """Rejected programs that a prompt shows, the newest ones."""
 
@@ -67,14 +67,14 @@ def render(
         progress: whether rewards may say how far an episode has come, which `bonus=progress` pays for.
 
     Raises:
-        TaskError: style `grammar`, and the task marks no variable for it.
+        TaskError: if the style is `grammar` and the task marks no variable for it.
     """
     return (_free if style == "free" else _grammar)(context, plan, progress)
 
 
 def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
-    """The prompt, the refused program, whose lines the findings count, and why it was refused. Of a reply without a
-    program, what follows its thoughts is shown."""
+    """The prompt, then the refused program, which the findings' line numbers refer to, and why it was refused. If a
+    reply has no program, its text after the thoughts is shown instead."""
     program = extract.program(reply)
     if program is not None:
         shown = extract.fenced(clean(program, MAX_PROGRAM).strip())
@@ -86,7 +86,7 @@ def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
 
 
 def asked_again(prompt: Prompt, shown: str, request: str) -> Prompt:
-    """The prompt, what is shown of a reply to it, and what is asked next."""
+    """The prompt, then what is shown of a reply to it, and the next request."""
     said = shown.strip() or "(nothing)"  # endpoints refuse an empty turn, and would again after every resume
     turn = (Message("assistant", said), Message("user", request))
     return replace(prompt, messages=(*prompt.messages, *turn))
@@ -95,7 +95,7 @@ def asked_again(prompt: Prompt, shown: str, request: str) -> Prompt:
 def clean(text: str, limit: int) -> str:
     """Plain text of at most about `limit` characters.
 
-    What is too long loses its middle: mistakes are named at the end of a text as often as at its beginning.
+    The middle of a longer text is cut out: mistakes are named at the end of a text as often as at its beginning.
     """
     if len(text) > limit:
         text = text[: limit // 2] + _CUT + text[-(limit // 2) :]
@@ -134,7 +134,7 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     )
     rules = template("grammar_system") + (template("grammar_progress") if progress else "")
     system = f"{rules}\n{template('grammar_examples')}"
-    # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
+    # Parents only: the newest is the best reward, and a longer prompt takes memory for each of the parallel samples.
     shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
     turns = [message for turn in shown for message in _turn(turn, plan, "grammar", context.score_range[1])]
     messages = _with_notes((Message("system", system), Message("user", task), *turns), plan)
@@ -148,7 +148,7 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
 def _turn(
     turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None
 ) -> tuple[Message, ...]:
-    """An earlier answer and what became of it; `highest` is the most that a score can be."""
+    """An earlier answer and the feedback on it; `highest` is the highest possible score."""
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
     feedback = template(f"{style}_feedback").format(
@@ -161,8 +161,8 @@ def _turn(
 
 
 def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None) -> str:
-    """A line: how high a shown reward scores, whether it is the best and whether it is the one to improve; and one on
-    the episodes that its policy played."""
+    """One line on how high a shown reward scores, whether it is the best and whether it is the one to improve; and one
+    on the episodes that its policy played."""
     if turn.played is not None:
         episodes = f" in {turn.played.episodes} episodes" if style == "free" else ""
         scores = f"Its policy, played{episodes} after training, scores {with_error(turn.played)}"
@@ -205,19 +205,19 @@ def _best(turn: Scored, plan: PromptPlan) -> bool:
 
 
 def _counts(turn: Scored, plan: PromptPlan) -> bool:
-    """Whether its score says how good it is: there is one, it keeps the limits, and nobody votes."""
+    """Whether its score says how good a reward is: it has one, keeps the limits, and no votes decide."""
     return turn.score is not None and not turn.breaks(plan.limits) and not plan.opinion.by_votes
 
 
 def _lasted(played: Evaluation) -> str:
-    """How long the episodes were that a policy played. What ends them early is known of robots on a floating base."""
+    """How long a policy's episodes lasted, and how many ended early, which is known of robots on a floating base."""
     early = played.costs.get("falls")
     ended = "" if early is None else f"; {early:.0%} ended early"
     return f"Its episodes lasted {played.episode_length:.0f} steps on average{ended}."
 
 
 def _siblings(plan: PromptPlan) -> str:
-    """A line for each other reward of the parent's generation that trained, the best first: score, end, and terms."""
+    """A line for each other reward of the parent's generation that trained, best first: score, ending and terms."""
     trained = [entry for entry in plan.siblings if entry.trained and entry.score is not None]
     trained.sort(key=lambda entry: entry.score or 0.0, reverse=True)
     if not trained:
@@ -240,7 +240,7 @@ def _siblings(plan: PromptPlan) -> str:
 
 
 def with_error(score: Evaluation) -> str:
-    """What a policy scored, `428 ± 33`; where it has no score, that."""
+    """The score of a policy, such as `428 ± 33`, or `undefined`."""
     return "undefined" if score.fitness is None else scored(score)
 
 
@@ -255,15 +255,14 @@ def scale(unit: str, ends: tuple[float | None, float | None]) -> str:
 
 
 def facts(context: TaskContext) -> list[str]:
-    """What counts, and what the score does not betray; nothing that tells how it comes about."""
+    """Lines on unit and range of the score and on what it does not tell; nothing about how it is computed."""
     found = scale(context.score_unit, context.score_range)
     score = f"The task score: {found}; higher is better." if found else "A higher task score is better."
     return [score, *context.facts]
 
 
 def _with_notes(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
-    """That two parents are to be combined, or the reasons for which nothing trained, each once, at the end of the last
-    request."""
+    """Adds to the last request that two parents are to be combined, and why nothing trained, each reason once."""
     if plan.crossover:
         messages = _with_postscript(messages, template("crossover"))
     reasons = dict.fromkeys(f"- {fault}" for entry in plan.failures for fault in faults(entry))
@@ -274,7 +273,7 @@ def _with_notes(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Messag
 
 
 def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, rejected: int) -> tuple[Message, ...]:
-    """What a person said, at the end of the last request; the newest words survive the limit."""
+    """Adds to the last request what a person said; if that is too much, the newest words are kept."""
     lines: list[str] = []
     if opinion.chosen:
         lines.append("They chose the last reward function above as the one to improve.")
@@ -291,7 +290,7 @@ def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, r
 
 
 def _newest(lines: list[str], limit: int) -> list[str]:
-    """The last lines that have room, whole ones, behind a mark where earlier ones are left out."""
+    """The last whole lines that fit into the limit, after a mark if earlier ones are left out."""
     kept: list[str] = []
     for line in reversed(lines):
         limit -= len(line) + 1

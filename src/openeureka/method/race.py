@@ -1,6 +1,6 @@
 """Confirms the winner by training the leading rewards again, with fresh seeds: more only while it is undecided.
 
-One training says little of a reward: another seed may rank it anew.
+One training says little about a reward: another seed may change the ranking.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from .seeds import beside, deal, final_lanes, final_seeds, programs
 CONTENDERS = 3
 """The most rewards that train again."""
 FIRST = 2
-"""Seeds of the first round: one alone has no spread, so it decides nothing."""
+"""Seeds of the first round: a single one has no spread, so it decides nothing."""
 
 Scores = Mapping[str, Sequence[float]]
 """Played F of every final lane, by the name of its reward."""
 Look = Callable[[Sequence[str], Sequence[int], Sequence[int]], tuple[Scores, Sequence[str]]]
-"""Takes the names of rewards, the seeds that these train with now, and all seeds so far; gives the scores of all
-rewards with the latter, and who may win. A resumed race decides each round by what there was in it."""
+"""A round of a race. Takes the names of rewards, the seeds that they train with now, and all seeds so far; gives the
+scores of all rewards with all seeds so far, and the names of those that may win. A resumed race thus decides each round
+by what it knew then."""
 
 
 def conclude(history: History, lanes: Lanes) -> None:
     """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
-    Where there is one, the store holds its crown, and `best/` its policy.
+    If a reward is confirmed, the store holds its crown, and `best/` its policy.
 
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
@@ -57,7 +58,7 @@ def conclude(history: History, lanes: Lanes) -> None:
 
 
 def _score_nearest(history: History, lanes: Lanes) -> None:
-    """Where nobody wins, tell that in numbers too: those of the candidate that came nearest, held out."""
+    """Where no reward wins, score the candidate that came nearest, held out, so that there are numbers to report."""
     ranking = Ranking(history)
     nearest = ranking.nearest or ranking.best
     if nearest is not None and nearest.result is not None:
@@ -66,9 +67,9 @@ def _score_nearest(history: History, lanes: Lanes) -> None:
 
 
 def contenders(history: History) -> tuple[Scored, ...]:
-    """The best of a search, then those that the errors leave level with it; of those that pay the same the first.
+    """The best reward of a search, then those level with it within the errors; of rewards that pay the same, the first.
 
-    Where a person's votes decide, or nothing was played, that is the best alone.
+    Where a person's votes decide, or nothing was played, only the best.
     """
     ranking = Ranking(history)
     best = ranking.best
@@ -86,11 +87,11 @@ def contenders(history: History) -> tuple[Scored, ...]:
 
 
 def crown(history: History, lanes: Lanes) -> Scored | None:
-    """The best of the contenders by the played F of fresh trainings; None when nothing ever trained, or each breaks a
-    limit, on average over its fresh trainings.
+    """The best of the contenders by played F of fresh trainings; None when nothing ever trained, or each contender
+    breaks a limit, on average over its fresh trainings.
 
-    They race the human reward. The sparse reward is no rival: its training beside the first generation marks the
-    scale's other end. Where nothing is played the best of the search and both baselines train with all seeds at once.
+    They race the human reward. The sparse reward does not race: its training beside the first generation marks the
+    scale's other end. Where nothing is played, the best of the search and both baselines train with all seeds at once.
 
     Raises:
         WorkerError: see `Lanes.train`.
@@ -120,7 +121,7 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
 def play_finals(
     lanes: Lanes, finals: Mapping[str, Sequence[str]]
 ) -> tuple[dict[str, list[Evaluation]], dict[str, list[float]]]:
-    """Let final lanes play: their first looks by the name of the reward, and F of those where it is defined."""
+    """Let final lanes play. Gives their first looks by the name of the reward, and F of those looks where defined."""
     ids = [lane for own in finals.values() for lane in own]
     lanes.play(ids)
     played = lanes.first_looks(ids)
@@ -135,8 +136,8 @@ def outcome(
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
-    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go; where
-    nobody was crowned, nobody has won."""
+    """What a search found, by its final trainings (`results`) and held-out `scores` so far, both by lane id; without a
+    crowned reward, none has won."""
     best = history.entry(place)
     if best is None:
         return Outcome(best=None)
@@ -155,7 +156,7 @@ def outcome(
         method=scored(best.candidate_id),
         human=known.human if known else scored("human"),
         sparse=known.sparse if known else scored("sparse"),
-        # Not whom the scores of now would race: what plays after the race may change those.
+        # Those that raced, and not those that today's scores would choose: lanes that play later may change these.
         rivals={entry.sample.place: scored(name) for name, entry in others.items() if lanes[name]},
         share=share(len(trained), config.seeds) if best.played is not None else 1.0,
         correlation=mean([result.correlation for result in trained]),
@@ -168,39 +169,40 @@ def hold(names: Sequence[str], against: str, seeds: Sequence[int], look: Look) -
     leader, until one is left whose difference to the reward `against` is beyond doubt.
 
     Args:
-        seeds: the most that they may take.
+        seeds: all seeds that they may take.
 
-    Returns: who is left, the leader first; nobody where nobody may win.
+    Returns: the names that are left, the leader first; none where no reward may win.
     """
     left, trained = list(names), 0
     for more in rounds(seeds, raced=True):
         trained += len(more)
         scores, able = look(left, more, seeds[:trained])
-        left = [name for name in left if name in able] or list(able)  # who left to a leader that may not win is back
+        # Rewards that lost to a leader that may no longer win come back.
+        left = [name for name in left if name in able] or list(able)
         if not left:
             break
         left = running(scores, left)
-        # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
+        # The winner was picked among all, and each further look may err again: both call for more certainty.
         if len(left) == 1 and sure(scores, left[0], against, len(names) / share(trained, len(seeds))):
             break
     return left
 
 
 def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
-    """Some seeds together, then one at a time; all together where there is no race."""
+    """The seeds of each round: some together, then one at a time; all together where there is no race."""
     together = FIRST if raced else len(seeds)
     yield seeds[:together]
     yield from (seeds[index : index + 1] for index in range(together, len(seeds)))
 
 
 def share(trained: int, seeds: int) -> float:
-    """Of all errors, those that a race may make when it stops with so many of its seeds: see `stats.spent`."""
+    """Share of a race's error probability for a race that stops after so many of its seeds: see `stats.spent`."""
     return spent(trained, seeds, FIRST)
 
 
 def running(scores: Scores, names: Sequence[str]) -> list[str]:
-    """Those that are not yet shown to be worse than the leader, which comes first. Of one that always diverges that is
-    shown as soon as another does not."""
+    """The names not yet shown to be worse than the leader, which comes first. A reward whose trainings all diverged is
+    shown to be worse as soon as another has a score."""
     ordered = sorted(names, key=lambda name: -rank(mean(scores[name])))
     scored = [name for name in ordered if scores[name]] or ordered
     return [name for name in scored if name == scored[0] or not sure(scores, scored[0], name, len(names) - 1)]
@@ -214,7 +216,7 @@ def sure(scores: Scores, own: str, other: str, claims: float = 1) -> bool:
 
 
 def _first_of_each(entries: Iterable[Scored]) -> dict[CandidateId, Scored]:
-    """By program, where it first came."""
+    """The first entry of each program, by the program's id."""
     found: dict[CandidateId, Scored] = {}
     for entry in entries:
         found.setdefault(entry.candidate_id, entry)

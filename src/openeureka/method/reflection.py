@@ -36,7 +36,7 @@ _EARLY_AND_LATE = (
     "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
 )
 _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
-"""Curves that the feedback shows beside the components, by what it calls them."""
+"""Measured curves that the feedback shows with the components, by their names there."""
 _STAGED = ", the last stage of a curriculum; it began with what the stages before had taught it"
 _AVERAGED = ", averaged over the last {window} epochs"
 _LATE = " (none: too early to tell)"
@@ -52,7 +52,7 @@ def scored(
     style: Style,
     window: int,
 ) -> list[Scored]:
-    """Every slot of a generation with its training and its played score, by lane id, if any, and the feedback on it."""
+    """Every slot of a generation with its training and played score, by lane id, if any, and the feedback on it."""
     entries: list[Scored] = []
     for sample in samples:
         lane = lane_id(sample.verdict.candidate, config.seed)
@@ -75,10 +75,10 @@ def reflect(
     The style `grammar` is for small models: fewer points, shorter numbers, no explanation.
 
     Args:
-        played: what the policy scored when it was played, if that ranks. Those that lead play more episodes later, so
-            the number itself is for the prompt to say.
-        limits: the most that it may cost.
-        window: epochs that the score in training averages.
+        played: score of the policy when played, if that ranks candidates. The prompt states the score itself, as those
+            that lead play more episodes later.
+        limits: the most that the policy may cost.
+        window: epochs over which the score in training is averaged.
     """
     if result is None:
         return refusal(sample)
@@ -111,7 +111,7 @@ def refusal(sample: Sample) -> str:
 
 
 def faults(entry: Scored) -> list[str]:
-    """Why its program was refused, or its training did not come to the end: a sentence each."""
+    """Why its program was refused, or its training ended early: a sentence each."""
     if entry.result is None:
         return [finding.sentence() for finding in entry.sample.verdict.findings]
     return _ending(entry.result)
@@ -126,12 +126,12 @@ def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
 
 
 def _component(name: str) -> str:
-    """What a component is called beside what is measured."""
+    """The name of a component in the feedback, told apart from the names of measured curves."""
     return f"component {name}" if name in _MEASURED else name
 
 
 def _parts(curves: Curves) -> list[str]:
-    """A line on where in an episode components pay; nothing for trainings that did not record it."""
+    """A line on when in an episode components pay; nothing for trainings that did not record it."""
 
     def mean(part: str, name: str) -> str:
         return _number(next(iter(curves.get(f"component_{part}/{name}", ())), None), brief=False)
@@ -153,11 +153,11 @@ def _costs(played: Evaluation | None, limits: Limits) -> list[str]:
 
 
 def _ending(result: TrainingResult) -> list[str]:
-    """A sentence for a training that was stopped."""
+    """A sentence for a training that did not finish."""
     if result.state is TrainingState.FINISHED:
         return []
     if result.state is TrainingState.FAILED:
-        return ["No policy could be trained with this reward function."]  # why is about this machine, not for the model
+        return ["No policy could be trained with this reward function."]  # the cause is for people, not for the model
     if result.state is TrainingState.CUT:
         return [f"The training was cut {result.message} rewards; others went on."]
     reason = f" ({result.message})" if result.message else ""
@@ -165,7 +165,7 @@ def _ending(result: TrainingResult) -> list[str]:
 
 
 def _interval(curves: Curves, points: int) -> int:
-    """Epochs from one shown point to the next, as published: a `points`-th of the training."""
+    """Epochs from one shown point to the next, as published: the length of the training over `points`."""
     return max(_epochs(curves) // points, 1)
 
 
@@ -174,7 +174,7 @@ def _epochs(curves: Curves) -> int:
 
 
 def _late(curves: Curves) -> bool:
-    """Whether F was told from a later epoch on."""
+    """Whether F was first defined in a later epoch than the first."""
     fitness = curves.get("fitness", ())
     return fitness[:1] == (None,) and any(value is not None for value in fitness)
 
@@ -192,7 +192,7 @@ def _line(name: str, curve: Sequence[float | None], interval: int, brief: bool) 
 
 
 def _number(value: float | None, brief: bool) -> str:
-    """Two decimals (one when brief), but two significant digits for what those would round away."""
+    """Two decimals (one when brief), but two significant digits for numbers that this would round away."""
     if value is None or not math.isfinite(value):
         return "none"
     if 0 < abs(value) < 0.1:

@@ -37,7 +37,7 @@ class Checker(Protocol):
     """Judges programs, like `sandbox.client`."""
 
     def check(self, candidate: Candidate) -> Verdict:
-        """Never raises for a program's fault; SandboxUnavailable where nothing can be judged."""
+        """Judge a program. A fault of the program never raises; SandboxUnavailable means that nothing can be judged."""
         ...
 
 
@@ -58,8 +58,9 @@ NO_PROGRAM = Verdict(
 class Sampler:
     """Draws replies until each slot holds an accepted program or its attempts are spent.
 
-    Attempt 0 is a fresh sample. A refused one may take `repair` repair turns, then the slot is sampled anew, `refill`
-    times; so is one that repeats a program of this run, which is kept if nothing else comes.
+    Attempt 0 is a fresh sample. A refused program gets up to `repair` repair turns, then the slot is sampled anew, up
+    to `refill` times. A slot whose program repeats one of this run is sampled anew too, and keeps that program if
+    nothing else comes.
 
     A reply is committed before anything else happens to it, so only one that is under way can be lost.
     """
@@ -72,7 +73,7 @@ class Sampler:
     tell: Tell
 
     def fill(self, generation: int, plans: Sequence[PromptPlan]) -> tuple[Sample, ...]:
-        """One sample per slot; slots are numbered through the plans in order."""
+        """One sample per slot; the slots of all plans are numbered consecutively."""
         earlier = [entry.sample for entry in self.store.history().entries]
         samples: list[Sample] = []
         for plan in plans:
@@ -84,10 +85,10 @@ class Sampler:
         return tuple(samples)
 
     def initial(self) -> tuple[Sample, ...]:
-        """Generation 0 of a run that begins with a given reward: that alone, kept as if it were a reply.
+        """Generation 0 of a run that begins with a given reward: only this reward, kept as if it were a reply.
 
         Raises:
-            RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
+            RewardFileError: when it cannot be read or was refused; nothing of it is kept then.
         """
         if self.store.talk.reply(0, 0, 0) is None:
             reply = Reply(text=extract.fenced(initial(self.config).source), model=GIVEN)
@@ -155,18 +156,18 @@ class Sampler:
         return candidate, verdict
 
     def _reply(self, generation: int, attempt: int, slot: int) -> Reply:
-        """As stored, not as received: so that a resumed run reads the same."""
+        """The reply as stored, not as received, so that a resumed run reads the same."""
         reply = self.store.talk.reply(generation, attempt, slot)
         assert reply is not None
         return reply
 
 
 def initial(config: RunConfig) -> Candidate:
-    """The program that `init=` names: the human reward, or that of a file, which may be a model's whole answer.
+    """The program that `init=` names: the human reward, or the one in a file, which may hold a model's whole answer.
 
     Raises:
         RewardFileError: when the file cannot be read.
-        TaskError: when the human reward of the task is a method of it, not a program.
+        TaskError: when the task's human reward is a method, not a program.
     """
     if config.init == "human":
         from ..tasks import human  # the loop itself needs neither torch nor a simulator
@@ -177,7 +178,7 @@ def initial(config: RunConfig) -> Candidate:
 
 
 def admit(config: RunConfig, checker: Checker) -> None:
-    """Raises what `Sampler.initial` would, before anything of a run is made."""
+    """Raise what `Sampler.initial` would raise, before anything of a run is made."""
     if config.init:
         _accept(config, checker.check(initial(config)))
 
@@ -189,7 +190,7 @@ def _accept(config: RunConfig, verdict: Verdict) -> None:
 
 
 def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:
-    """Slots whose accepted program computes what a known one, or that of a slot before, computes already."""
+    """Slots whose accepted program computes the same as a known one or as that of an earlier slot."""
     seen = {str(sample.verdict.graph) for sample in known}
     repeating: list[int] = []
     for slot, sample in sorted(filled.items()):
@@ -210,17 +211,17 @@ def draw(
     config: RunConfig,
     tell: Tell = nobody,
 ) -> Iterator[tuple[int, Reply]]:
-    """The replies of a request that are missing, with their slots, as they come.
+    """The missing replies of a request, each with its slot, as they come.
 
     Args:
-        slots: of the whole request.
-        seed: of the whole request.
+        slots: all slots of the request.
+        seed: seed of the whole request.
         paid: every reply that the run has.
         tell: told that the model begins to write.
 
     Raises:
-        BudgetError: they would pass `max_cost=`; nothing is asked then.
-        ModelError: the model gives fewer, or failed.
+        BudgetError: when the replies would exceed `max_cost=`; nothing is asked then.
+        ModelError: when the model gives fewer, or failed.
     """
     if config.max_cost:
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
@@ -230,22 +231,22 @@ def draw(
 
 
 def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missing: int) -> Iterator[Reply]:
-    """What an interrupted request still owes, as near as can be to what it would have been.
+    """The replies that an interrupted request still lacks, as near as can be to those that it would have given.
 
     Args:
-        seed: of the whole request.
-        held: replies that came of it.
-        missing: those that did not.
+        seed: seed of the whole request.
+        held: number of replies that came.
+        missing: number of replies that did not.
 
     Raises:
-        ModelError: the model gives fewer; more are not taken.
+        ModelError: when the model gives fewer; more are not taken.
     """
-    if isinstance(model, RandomModel):  # what it draws depends on its draws before, and costs nothing
+    if isinstance(model, RandomModel):  # each draw depends on the draws before it, and drawing again costs nothing
         replies = islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
     else:
         replies = model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
     came = 0
-    for reply in replies:  # to its end, so that what a model does after its last reply is done too
+    for reply in replies:  # to the end of the generator, so that the model also does what follows its last reply
         if came == missing:
             break
         yield reply
@@ -255,6 +256,6 @@ def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missi
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:
-    """A 31-bit seed for each request; consecutive slots have consecutive seeds, anything else is far apart."""
+    """A 31-bit seed for each request; consecutive slots have consecutive seeds, other requests have distant ones."""
     digest = hashlib.blake2b(f"{seed}/{generation}/{attempt}".encode(), digest_size=4).digest()
     return (int.from_bytes(digest) + slot) % 2**31

@@ -11,17 +11,17 @@ from ..store.lane_log import LaneLog
 from ..types import Evaluation, LaneSpec, Limits, Standing, TrainingResult, TrainingState
 
 Going = Mapping[str, LaneSpec]
-"""Lanes that train on, by id."""
+"""Lanes that go on training, by id."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """Where the candidates of a generation pause, and some of them go on."""
+    """A point of the training at which the candidates of a generation pause, and only some of them go on."""
 
     share: float
-    """Of the steps of a training."""
+    """Share of a training's steps after which they pause."""
     kept: float
-    """Of the candidates that came so far; one at least."""
+    """Share of the candidates at this rung that go on; at least one does."""
 
 
 WHOLE = Rung(share=1.0, kept=1.0)
@@ -31,12 +31,11 @@ RUNGS: Mapping[str, tuple[Rung, ...]] = {
     "quarter": (Rung(1 / 4, 1 / 4),),
     "halving": (Rung(1 / 8, 1 / 2), Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
 }
-"""By the setting `schedule`."""
+"""Rungs by the setting `schedule`."""
 
 
 def leaders(scores: Mapping[str, Evaluation], rung: Rung, limits: Limits) -> frozenset[str]:
-    """The lanes that go on: those that play best, of equals the earlier one. One beyond a limit comes after all that
-    keep them."""
+    """Lanes that go on: those that play best, the earlier of equals. Lanes that break a limit rank below the others."""
     ordered = sorted(scores, key=lambda lane: worth(scores[lane], limits), reverse=True)
     return frozenset(ordered[: max(1, math.ceil(rung.kept * len(ordered)))])
 
@@ -50,17 +49,17 @@ def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits)
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """Lanes on their way from rung to rung; what was decided before a run was stopped stands in its log."""
+    """Takes lanes from rung to rung; what was decided before a run was stopped is read from the log."""
 
     log: LaneLog
     rivals: frozenset[str]
-    """The lanes that are compared, and may be cut."""
+    """The lanes that are compared with each other, and may be cut."""
     limits: Limits
     play: Callable[[Mapping[str, TrainingResult]], Mapping[str, Evaluation]]
-    """What the newest policies of paused lanes score."""
+    """Scores the newest policies of paused lanes."""
 
     def due(self, number: int, rung: Rung, going: Going) -> list[LaneSpec]:
-        """What has to train to a rung, or to the end. Nobody stops where fewer than two would be compared."""
+        """Lanes that have to train to a rung, or to the end. None stops at a rung where fewer than two compete."""
         if rung is WHOLE:
             return list(going.values())
         if self._stood(number, going) or not self._entered(number, going):
@@ -68,8 +67,7 @@ class Ladder:
         return [spec for lane, spec in going.items() if self.log.paused(number, lane) is None]
 
     def climb(self, number: int, rung: Rung, going: Going) -> tuple[dict[str, LaneSpec], list[TrainingResult]]:
-        """Let policies play at a rung: the lanes that go on from there, and of rivals the results of those that trail
-        and are cut."""
+        """Let policies play at a rung. Gives the lanes that go on, and the results of the rivals that are cut."""
         stood = self._stood(number, going)
         if not stood and (rung is WHOLE or not self._entered(number, going)):
             return dict(going), []
@@ -77,13 +75,13 @@ class Ladder:
         if not stood:
             stood = self._decide(rung, paused)
             self.log.save_rung(number, stood.values())
-        # Of a run that was killed between two cuts, some of those that raced have a result already.
+        # If the run was killed between two cuts, some lanes that raced have a result already, and are not in `going`.
         known = self.log.rungs().items()
         racing = {lane: at[number].played for lane, at in known if lane in self.rivals and number in at}
         on, cut = dict[str, LaneSpec](), list[TrainingResult]()
         for lane in stood:
             result = paused.get(lane)
-            if result is None or stood[lane].went_on:  # whose file is lost begins anew
+            if result is None or stood[lane].went_on:  # a lane whose paused state is lost begins anew
                 on[lane] = replace(going[lane], paused=result.paused if result is not None else None)
             else:
                 said = why(rung, lane, racing, self.limits)
@@ -91,17 +89,17 @@ class Ladder:
         return on, cut
 
     def _entered(self, number: int, going: Going) -> bool:
-        """Whether lanes stop at a rung: rivals race to it, or did before the run was stopped and all but one of them
-        diverged on the way."""
+        """Whether lanes stop at a rung: rivals race to it, or did so before the run was stopped, and then all but one
+        of them diverged on the way."""
         racing = sum(lane in self.rivals for lane in going) > 1
         return racing or any(self.log.paused(number, lane) is not None for lane in going)
 
     def _stood(self, number: int, going: Going) -> dict[str, Standing]:
-        """How lanes stood at a rung, once that is decided."""
+        """How each lane stood at a rung; empty until that is decided."""
         return {lane: at[number] for lane, at in self.log.rungs().items() if lane in going and number in at}
 
     def _decide(self, rung: Rung, paused: Mapping[str, TrainingResult]) -> dict[str, Standing]:
-        """What the lanes' policies of this moment score, and who goes on."""
+        """Scores of the lanes' policies at this moment, and which lanes go on."""
         scores = self.play(paused)
         cut = {lane for lane in scores if lane in self.rivals}
         cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung, self.limits)

@@ -1,13 +1,13 @@
-"""Asks for more rewards than train: what pays against F is dropped, and of the rest those train that differ most.
+"""Asks for more rewards than train: those that pay against F are dropped, and of the rest the most different train.
 
-It costs replies and no training. A reward is judged by what it would have paid in recorded episodes of earlier lanes:
+This costs replies and no training. A reward is judged by what it would have paid in recorded episodes of earlier lanes:
 
-- *agreement*: Spearman's rank correlation of its return in an episode with F of the episode, and the error of that by
+- *agreement*: Spearman's rank correlation of its return in an episode with F of the episode. Its error comes from
   leaving out each lane in turn (the jackknife), as episodes of one policy are alike;
 - *likeness* of two rewards: the absolute rank correlation of what they pay, state by state.
 
-Agreement finds rewards that point the wrong way, and says little of those that do not. So the first step is careful,
-and the second asks for variety alone.
+Agreement finds rewards that point the wrong way, but says little about the others. So the first step drops only clear
+cases, and the second looks at variety alone.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from .sampling import Sampler
 from .seeds import programs
 
 MARGIN = 0.3
-"""How far below the median of all an agreement must be, beyond its error, before its reward is dropped."""
+"""How far below the median agreement a reward's agreement must be, beyond its error, before the reward is dropped."""
 WITNESSES = 32
-"""The most lanes whose episodes are looked at."""
+"""The most lanes whose recorded episodes are used."""
 
 Vector = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -39,10 +39,11 @@ Vector = np.ndarray[tuple[int], np.dtype[np.float64]]
 def fill(
     generation: int, plans: Sequence[PromptPlan], sampler: Sampler, lanes: Lanes, history: History
 ) -> tuple[Sample, ...]:
-    """A sample per slot, of which as many can train as the plans ask for; those that the screen leaves out say why.
+    """A sample per slot, of which as many can train as the plans ask for; the verdict of each sample that is left out
+    says why.
 
-    As many slots again are asked for as `screen=` says, once there is something to judge by: episodes of an earlier
-    generation, be it that of a given reward. Every prompt has its share of what trains.
+    Once episodes of an earlier generation are recorded, `screen=` times as many slots are asked for; a generation of
+    one given reward will do. Each prompt gets as many trainings as its plan asks for.
     """
     witnesses = _witnesses(lanes, history)
     if not witnesses:
@@ -68,7 +69,7 @@ def _told(sample: Sample, decision: Screened | None, lanes: Lanes) -> Sample:
 def _witnesses(lanes: Lanes, history: History) -> list[Episodes]:
     """Recorded episodes, lane by lane, of finished generations alone: a resumed run must judge by the same.
 
-    Of too many the ones taken are spread evenly over F.
+    If there are too many lanes, the chosen ones are spread evenly over F.
     """
     if lanes.config.screen == 1 or not history.generations:
         return []
@@ -82,7 +83,7 @@ def _witnesses(lanes: Lanes, history: History) -> list[Episodes]:
 
 
 def verdict(candidate: CandidateId, decision: Screened) -> Verdict:
-    """On a program that could train and does not."""
+    """The verdict on a program that could train and is left out."""
     finding = Finding(rule="screened", message=decision.reason)
     return Verdict(candidate=candidate, code=VerdictCode.SCREENED, findings=(finding,))
 
@@ -95,17 +96,17 @@ class Rated:
     """A reward, and what it would have paid."""
 
     place: Place
-    """The first slot that holds it."""
+    """The first slot that holds the reward."""
     prompt: int
-    """Which of the generation's prompts asked for it."""
+    """Index of the generation's prompt that asked for it."""
     agreement: float | None
     error: float | None
     pay: Vector | None
-    """Ranks of what it pays, state by state, about their mean and of length 1; None where it pays the same in all."""
+    """Ranks of what it pays, state by state, centred and scaled to length 1; None where it pays the same in all."""
 
 
 def rate(place: Place, prompt: int, paid: Sequence[float] | None, witnesses: Sequence[Episodes]) -> Rated:
-    """What a reward that pays so much, state by state, is to the screen; None for one that could not be computed."""
+    """Rate a reward by what it pays, state by state; `paid` is None where that could not be computed."""
     if paid is None or len(paid) != sum(len(own.owners) for own in witnesses):
         return Rated(place, prompt, None, None, None)
     returns: list[float] = []
@@ -141,7 +142,7 @@ def _correlation(a: Vector, b: Vector) -> float | None:
 
 
 def _ranks(values: Vector) -> Vector | None:
-    """Ranks about their mean and of length 1, so that a correlation is a product; None where all values are equal."""
+    """Ranks, centred and scaled to length 1, so that a correlation is a dot product; None if all values are equal."""
     if not len(values):
         return None
     found = midranks(values)
@@ -161,11 +162,11 @@ def decide(
     lanes: Lanes,
     history: History,
 ) -> dict[Place, Screened]:
-    """A decision for each accepted program that never trained, equal ones together; the rest trains in any case.
+    """A decision for each accepted program that never trained; equal ones share it. The others are not screened.
 
     Args:
-        prompts: of each sample, which prompt it answers.
-        rooms: of each prompt, how many of its answers may train.
+        prompts: for each sample, the index of the prompt that it answers.
+        rooms: for each prompt, how many of its answers may train.
     """
     trained = dict[CandidateId, Sample]()
     for entry in history.entries:
@@ -177,7 +178,7 @@ def decide(
             asked.setdefault(sample.verdict.candidate, (sample, prompt))
     answers = Counter(prompt for _, prompt in asked.values())
     if all(answers[prompt] <= room for prompt, room in enumerate(rooms)):
-        return {}  # there is nobody to choose among
+        return {}  # there is room for all
     graphs = dict(programs([*trained.values(), *(sample for sample, _ in asked.values())]))
     paid = lanes.trainer.rewards(lanes.config.env, graphs, witnesses)
     fresh = {name: rate(sample.place, prompt, paid.get(name), witnesses) for name, (sample, prompt) in asked.items()}
@@ -193,9 +194,9 @@ def decide(
 def choose(fresh: Sequence[Rated], before: Sequence[Rated], rooms: Sequence[int]) -> dict[Place, Screened]:
     """Decisions by slot.
 
-    Of those that agree the one that is least like any before it trains next, of equals the earlier slot, as long as its
-    prompt has room. Where room is left then, those that do not agree fill it, the best first: a generation never trains
-    less than it would without a screen.
+    Of the rewards that do not disagree with F, the one least like any before it trains next, the earlier slot of
+    equals, as long as its prompt has room. Remaining room goes to those that disagree, the best agreement first: a
+    generation never trains fewer rewards than it would without a screen.
     """
     known = [one.agreement for one in fresh if one.agreement is not None]
     middle = median(known) if known else 0.0
@@ -215,12 +216,12 @@ def choose(fresh: Sequence[Rated], before: Sequence[Rated], rooms: Sequence[int]
 
 
 def _disagrees(one: Rated, least: float) -> bool:
-    """Whether an agreement is below, beyond its error; what is not known is held against nobody."""
+    """Whether the agreement is below `least` by more than its errors; an unknown one counts for the reward."""
     return one.agreement is not None and one.error is not None and one.agreement + ERRORS * one.error < least
 
 
 def _nearest(one: Rated, others: Iterable[Rated]) -> tuple[Rated | None, float]:
-    """Whoever is most like it, and how much; one of which nothing is known counts as like all."""
+    """The reward most like this one, and how much; a reward of which nothing is known counts as like all."""
     if one.pay is None:
         return None, 1.0
     alike = [(other, min(1.0, abs(float(one.pay @ other.pay)))) for other in others if other.pay is not None]

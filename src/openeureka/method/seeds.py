@@ -1,4 +1,4 @@
-"""Which lanes a run trains: what trains under which reward, and with which seed."""
+"""Which lanes a run trains: under which reward, and with which seed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..types import (
 )
 
 Wanted = tuple[Lane, RewardProgram]
-"""A lane, and what it trains under."""
+"""A lane, and the program that it trains under."""
 
 
 def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], role: Role) -> list[Wanted]:
@@ -27,13 +27,13 @@ def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], rol
 
 
 def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]:
-    """The accepted programs; equal ones once."""
+    """The accepted programs by id; equal ones once."""
     graphs = {sample.verdict.candidate: sample.verdict.graph for sample in samples}
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
 
 
 def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
-    """The rewards that candidates are compared with, as far as the run trains them itself."""
+    """The human and the sparse reward, with which candidates are compared, if the run trains them itself."""
     return tuple((name, name) for name in OWN_REWARDS) if config.baselines == "train" else ()
 
 
@@ -43,12 +43,12 @@ def final_seeds(config: RunConfig) -> range:
 
 
 def polish_seeds(config: RunConfig) -> range:
-    """Seeds of the lanes that carry the best policy on: no other lane has them."""
+    """Seeds of the lanes that train the best policy further: no other lane has them."""
     return range(config.seed + 1 + config.seeds, config.seed + 1 + config.seeds + config.polish)
 
 
 def tuning_seeds(config: RunConfig) -> range:
-    """Seeds that the race of a tuning may take: after a search, none that crowned the text as it came."""
+    """Seeds that the race of a tuning may take: after a search, none that its winner was crowned by."""
     if config.model == NO_MODEL:
         return final_seeds(config)
     first = polish_seeds(config).stop
@@ -56,7 +56,7 @@ def tuning_seeds(config: RunConfig) -> range:
 
 
 def unused_seed(config: RunConfig) -> int:
-    """The first seed after those of a run: what trains with it and later ones chose nothing there."""
+    """The first seed after those of a run: neither this seed nor any later one chose anything in the run."""
     return (tuning_seeds(config) if config.tune else polish_seeds(config)).stop
 
 
@@ -67,12 +67,12 @@ def final_lanes(
     scores: Container[str],
     seeds: Sequence[int] | None = None,
 ) -> dict[str, list[str]]:
-    """Lane ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
+    """Lane ids of the final trainings by reward: those of the candidates, and of each baseline that the run trains.
 
-    A baseline's training beside the first generation counts as well where it has a score: nobody picked it.
+    A baseline's training beside the first generation counts as well if it has a score: nobody picked it for that.
 
     Args:
-        seeds: fresh ones to look for; None for all that a run may take.
+        seeds: fresh seeds to look for; None for all that a run may take.
     """
     wanted = final_seeds(config) if seeds is None else seeds
     fresh = {entry.candidate_id: list(wanted) for entry in entries}

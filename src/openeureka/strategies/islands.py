@@ -1,9 +1,9 @@
-"""A population on islands: lines of rewards that improve apart, so that none of them takes over all.
+"""A population on islands: lines of rewards that improve apart, so that no single line takes over.
 
 The idea is that of FunSearch (doi 10.1038/s41586-023-06924-6). The method here is simpler: no clusters, no sampling by
-length, and a parent is the best.
+length, and the parent is always the best.
 
-Not measured yet. `eureka bench benchmarks/plans/population.yaml` measures it: beside `best` and `eureka`, at matched
+Not measured yet. `eureka bench benchmarks/plans/population.yaml` compares it with `best` and `eureka` at matched
 environment steps.
 """
 
@@ -19,7 +19,7 @@ from .ranking import Ranking
 from .strategy import Best, prompt_plan
 
 ISLANDS = 4
-"""At most; each has two slots of a generation at least."""
+"""Most islands; each has at least two slots of a generation."""
 RENEWAL = 3
 """Generations after which the weakest island begins anew."""
 CROSSOVER = 0.5
@@ -28,11 +28,11 @@ CROSSOVER = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Islands(Best):
-    """Every island has its own slots and its own line of rewards. Its best is the parent (*mutate*), or its two best
-    are (*crossover*: the model is asked to combine what is good in both; the store names the better one as the parent).
-    The weakest island begins anew, now and then, from the best of another.
+    """Every island has its own slots and its own line of rewards. Its best reward is the parent (*mutate*), or its two
+    best are (*crossover*: the model is asked to combine what is good in both; the store names the better one as the
+    parent). Now and then the weakest island begins anew, from the best reward of another.
 
-    Nothing of an island is told to the others. A favourite of a person is the parent on all of them.
+    No island is shown the rewards of another. A person's favourite is the parent on all islands.
     """
 
     @property
@@ -41,7 +41,7 @@ class Islands(Best):
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)
-        if ranking.best is None:  # there is no line yet, and all would be asked the same
+        if ranking.best is None:  # no island has a line yet: all prompts would be the same
             return Best.ask(self, history, rng)
         lines = [self._line(island, start, history) for island, start in enumerate(self._starts(history))]
         return [self._plan(island, lines, history, ranking, rng) for island in range(self.count)]
@@ -50,7 +50,7 @@ class Islands(Best):
         self, island: int, lines: Sequence[Sequence[Scored]], history: History, ranking: Ranking, rng: Random
     ) -> PromptPlan:
         parents = [ranking.favourite] if ranking.favourite else _ahead(lines[island], ranking)
-        if not parents:  # it begins anew, or nothing of it is able
+        if not parents:  # the island begins anew, or none of its rewards may be a parent
             others = [ahead[0] for line in lines if line is not lines[island] and (ahead := _ahead(line, ranking))]
             parents = [rng.choice(others)] if others else [ranking.best] if ranking.best else []
         crossover = len(parents) > 1 and rng.random() < CROSSOVER
@@ -59,13 +59,13 @@ class Islands(Best):
         return replace(plan, informed=True, best=ranking.best, crossover=crossover)
 
     def island(self, slot: int, slots: int) -> int:
-        """Whose slot it is, of so many: a generation may have several times as many as train (`screen=`), or, of a
-        given reward, one."""
+        """The island of a slot in a generation of `slots`: with `screen=` a generation has several times as many slots
+        as train, and that of a given reward has one."""
         times = max(1, slots // self.samples)
         return min(slot // times * self.count // self.samples, self.count - 1)
 
     def _line(self, island: int, start: int, history: History) -> list[Scored]:
-        """Its entries since it began."""
+        """The island's entries since it began, in generation `start`."""
         return [entry for generation in history.generations[start:] for entry in self._own(generation, island)]
 
     def _own(self, generation: Generation, island: int) -> list[Scored]:
@@ -75,8 +75,8 @@ class Islands(Best):
     def _starts(self, history: History) -> list[int]:
         """The generation in which each island began.
 
-        Who was the weakest then is asked of today's scores: a policy that has played again since, or a later vote, may
-        answer otherwise than it was then.
+        Today's scores decide which island was the weakest at that time. A policy that has played again since, or a
+        later vote, may give another answer than at that time.
         """
         starts = [0] * self.count
         for end in range(RENEWAL, len(history.generations) + 1, RENEWAL):
@@ -90,7 +90,7 @@ class Islands(Best):
 
 
 def _ahead(line: Sequence[Scored], ranking: Ranking) -> list[Scored]:
-    """The best of a line, then the second best of another program, as far as there are."""
+    """The best of a line, then the best of its other programs, as far as there are any."""
     best = ranking.best_of(line)
     if best is None:
         return []

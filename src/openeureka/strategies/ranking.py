@@ -1,4 +1,4 @@
-"""Who is better than whom: by score, or by the votes of a person; and whom that person rejected or chose."""
+"""Ranks rewards by score, or by the votes of a person; knows which ones that person rejected or chose."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..types import CandidateId, Generation, History, Place, RemarkKind, Scored
 
 Item = TypeVar("Item", bound=Hashable)
 PRIOR = 0.1
-"""Wins, and as many losses, that each item is given against an imagined one of strength 1: without them, who never lost
-would be infinitely strong, and groups that were never compared would share no scale."""
+"""Wins, and as many losses, that each item is given against an imagined one of strength 1: without them, an item that
+never lost would be infinitely strong, and groups that were never compared would share no scale."""
 _ROUNDS = 1000
 _CLOSE = 1e-9
 
@@ -26,7 +26,7 @@ class Record(NamedTuple):
 
 
 class Ranking:
-    """The order of a history's entries. Equal programs share all that a person said of any of them."""
+    """The order of a history's entries. Equal programs share all remarks of a person on any of them."""
 
     def __init__(self, history: History) -> None:
         self._generations, self._limits = history.generations, history.limits
@@ -34,7 +34,7 @@ class Ranking:
         self._votes = [vote for generation in history.generations for vote in self._compared(generation)]
         self.strengths = strengths(self._votes)
         """Bradley-Terry strength by candidate id, of those that took part in a vote."""
-        # A task that never defines F leaves nothing else to judge by.
+        # Where a task never defines F, there is nothing but votes to judge by.
         scored = any(entry.score is not None for entry in self._entries.values())
         self.by_votes = history.judge == "votes" or (bool(self._votes) and not scored)
         vetoed = self._named(RemarkKind.VETO, history.generations)
@@ -44,13 +44,13 @@ class Ranking:
 
     @property
     def best(self) -> Scored | None:
-        """The first of all; of equals the earlier one. None when nothing trained, or all of it was rejected or breaks a
+        """The entry that ranks first, the earlier of equals. None if nothing trained, or all was rejected or breaks a
         limit."""
         return self.best_of(self._entries.values())
 
     @property
     def nearest(self) -> Scored | None:
-        """Where every policy breaks a limit, the one that is least beyond it."""
+        """Where every policy breaks a limit, the entry that is least beyond it."""
         entries = [e for e in self._entries.values() if e.played is not None and self._stands(e)]
         if not self._limits or self.best is not None:
             return None
@@ -64,7 +64,7 @@ class Ranking:
 
     @property
     def favourite(self) -> Scored | None:
-        """Whom a person, after the last generation, chose as the next parent."""
+        """The entry that a person, after the last generation, chose as the next parent."""
         chosen = self._named(RemarkKind.FAVOURITE, self._generations[-1:])
         return next((e for e in reversed(chosen) if e.candidate_id not in self.rejected), None)
 
@@ -75,12 +75,12 @@ class Ranking:
         )
 
     def best_of(self, entries: Iterable[Scored]) -> Scored | None:
-        """The first of some of the history's entries, as `best` is of all."""
+        """The entry that ranks first of some of the history's entries, by the rules of `best`."""
         return max(filter(self._may_win, entries), key=self.worth, default=None)
 
     def worth(self, entry: Scored | None) -> tuple[float, float]:
-        """To rank by. Votes come before the score, where votes count; whom nobody compared is below all whom somebody
-        did, and nobody below all."""
+        """A key to rank by. Where votes count, they come before the score; an entry without comparisons is below all
+        that have some. None is below all entries."""
         undecided = -math.inf
         if entry is None:
             return undecided, undecided
@@ -95,7 +95,7 @@ class Ranking:
         return trained and entry.candidate_id not in self.rejected
 
     def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
-        """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""
+        """Winner and loser of each vote after a generation; a favourite wins against its whole generation."""
         for remark in generation.remarks:
             if remark.place is None:
                 continue
@@ -106,7 +106,7 @@ class Ranking:
             yield from ((winner, self._id(other)) for other in others if self._id(other) != winner)
 
     def _named(self, kind: RemarkKind, generations: Sequence[Generation]) -> list[Scored]:
-        """The entries that remarks of one kind are about, in the order in which they were said."""
+        """The entries that remarks of one kind are about, in the order of the remarks."""
         remarks = [remark for generation in generations for remark in generation.remarks if remark.kind is kind]
         return [self._entries[remark.place] for remark in remarks if remark.place is not None]
 
@@ -117,8 +117,8 @@ class Ranking:
 def strengths(votes: Sequence[tuple[Item, Item]]) -> dict[Item, float]:
     """Bradley-Terry strengths of the items that took part in (winner, loser) votes: P(a beats b) = a / (a + b).
 
-    The maximum of the posterior, by the MM iterations of Hunter (2004), "MM algorithms for generalized Bradley-Terry
-    models", equation 3: strength = wins / sum over comparisons of 1 / (own + other strength).
+    They maximise the posterior, found by the MM iterations of Hunter (2004), "MM algorithms for generalized
+    Bradley-Terry models", equation 3: strength = wins / sum over comparisons of 1 / (own + other strength).
     """
     wins = Counter(winner for winner, _ in votes)
     met: dict[Item, Counter[Item]] = {item: Counter() for pair in votes for item in pair}

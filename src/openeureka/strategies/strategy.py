@@ -1,4 +1,4 @@
-"""How the next prompts follow from what was learnt. A strategy holds no state: all of it is in the History."""
+"""How the next prompts follow from what was learnt. A strategy holds no state: everything is in the History."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .ranking import Ranking
 
 
 class SearchStrategy(Protocol):
-    """Decides who becomes a parent."""
+    """Decides which rewards become parents."""
 
     @property
     def ranks(self) -> Ranks:
@@ -24,7 +24,7 @@ class SearchStrategy(Protocol):
 
     @property
     def peaks(self) -> tuple[Peak, ...]:
-        """Which policies of a lane may stand for its reward: that which plays best, or the first where none plays."""
+        """Policies of a lane that may stand for its reward: the best when played, or the first where none plays."""
         ...
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -52,7 +52,7 @@ class Eureka:
 
 @dataclass(frozen=True, slots=True)
 class Best:
-    """The reward that plays best so far is the parent, and the winners of recent generations show the way to it."""
+    """The parent is the reward that plays best so far, shown after the winners of recent generations."""
 
     samples: int
     ranks: Ranks = "played"
@@ -84,14 +84,14 @@ SEARCHES = Door(
     built_in={"best": f"{__name__}:best", "eureka": f"{__name__}:eureka"},
     members=("ranks", "peaks", "ask"),
 )
-"""Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
+"""Each is called with the settings of the run, with `sample` filled in, and makes a `SearchStrategy`."""
 
 
 def make(config: RunConfig) -> SearchStrategy:
-    """The strategy that `search=` names. Those built in are greedy: neither draws from the generator it is given.
+    """The strategy that `search=` names. The built-in ones are greedy: they do not use the random generator of `ask`.
 
     Raises:
-        ConfigError: when there is none of that name, or it is none, or settings need one that lets policies play.
+        ConfigError: when there is none of that name, it is no strategy, or settings need one that plays policies.
     """
     found: SearchStrategy = SEARCHES.make(config.search, config)
     if found.ranks == "training" and (config.cost_limits or config.screen > 1):
@@ -103,7 +103,7 @@ def make(config: RunConfig) -> SearchStrategy:
 
 
 def asked(strategy: SearchStrategy, history: History, rng: Random, slots: int) -> Sequence[PromptPlan]:
-    """What the strategy asks for. Raises ConfigError where that is another number of samples."""
+    """The prompts that the strategy asks for. Raises ConfigError where they have another number of samples."""
     found = strategy.ask(history, rng)
     if (wanted := sum(plan.count for plan in found)) != slots:
         raise ConfigError(f"`ask` of {type(strategy).__name__} wants {wanted} samples; sample= says {slots}.")
@@ -111,7 +111,7 @@ def asked(strategy: SearchStrategy, history: History, rng: Random, slots: int) -
 
 
 _SIZES = {"free": (16, 5), "grammar": (8, 3)}
-"""K and N where the user names none; a model on two cores takes minutes for what an endpoint does in seconds."""
+"""Default `sample` and `iteration` by style: the embedded model takes minutes for what an endpoint does in seconds."""
 
 
 def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
@@ -122,7 +122,7 @@ def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
 
 def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
     """A prompt for so many rewards: the turns that the model is shown as its own earlier answers, the parent last; why
-    a generation failed, where nothing in it trained; what a person said.
+    the last generation failed, if nothing in it trained; and what a person said.
     """
     return PromptPlan(
         count=samples,
@@ -134,7 +134,7 @@ def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking
 
 
 def _siblings(parent: Scored, history: History, ranking: Ranking) -> tuple[Scored, ...]:
-    """The other programs of the parent's generation, each once; not those that a person rejected."""
+    """The other programs of the parent's generation, each once, without those that a person rejected."""
     entries = history.generations[parent.sample.generation].entries
     others = {entry.candidate_id: entry for entry in reversed(entries)}
     left_out = {parent.candidate_id, *ranking.rejected}
@@ -145,7 +145,7 @@ def _failures(history: History) -> tuple[Scored, ...]:
     """The entries of the last generation when nothing in it trained: the next prompt says why."""
     if not history.generations or any(entry.trained for entry in history.generations[-1].entries):
         return ()
-    # That others were preferred is no fault of a program.
+    # Screened programs are left out: nothing was wrong with them, others were preferred.
     return tuple(e for e in history.generations[-1].entries if e.sample.verdict.code is not VerdictCode.SCREENED)
 
 
