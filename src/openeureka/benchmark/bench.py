@@ -1,4 +1,4 @@
-"""Runs the cells of a plan, one after the other, and tells what came of them after each."""
+"""Runs the cells of a plan one after the other, and reports the comparison after each."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ PAGE = "bench.html"
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A bench as far as it has come: what `bench.json` and `bench.html` hold."""
+    """A bench with its results so far, as `bench.json` and `bench.html` hold them."""
 
     directory: Path
-    """Of the bench; each cell is a run below it, `<task>-<arm>-<seed>`."""
+    """Directory of the bench; each cell is a run below it, `<task>-<arm>-<seed>`."""
     compared: Comparison
     failures: Mapping[str, EurekaError] = field(default_factory=dict[str, EurekaError])
-    """By the name of a cell: why it could not be finished this time."""
+    """Why a cell could not be finished this time, by the cell's name."""
     begun: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Mapping[str, Any]])
-    """By the name of a cell: date, device and versions when the call began that ran it last; nothing where a version
-    ran it that did not write them down."""
+    """By the name of a cell: date, device and versions at the beginning of the call that ran it last. A cell is missing
+    if an older version ran it, which did not write them down."""
 
     @property
     def plan(self) -> Plan:
@@ -50,7 +50,7 @@ class Bench:
 
     @property
     def finished(self) -> bool:
-        """Whether every cell is; else the same call goes on."""
+        """Whether every cell is finished; if not, the same call goes on."""
         return len(self.compared.results) == sum(1 for _ in self.plan.cells())
 
     @property
@@ -69,7 +69,7 @@ class Bench:
         return self.compared.results
 
     def write(self) -> None:
-        """Renew the page and the rows."""
+        """Write the page and the rows anew."""
         facts = {
             "finished": self.finished,
             "rows": [asdict(row) for row in self.rows],
@@ -92,12 +92,12 @@ def bench(
         bench = openeureka.bench("plan.yaml")
         print([(row.task, row.arm, row.held_out) for row in bench.rows])
 
-    Finished cells are read, not run again: called with the same `dir` it goes on. A cell that cannot be finished is in
-    `failures`, and the others go on. Ctrl-C stops it, and what is there so far is returned.
+    Finished cells are read, not run again: a call with the same `dir` goes on. A cell that cannot be finished is in
+    `failures`, and the others go on. Ctrl-C stops the bench, and what is there so far is returned.
 
     Args:
-        plan: a YAML file, or what one holds.
-        dir: where; empty means `outputs/bench_<name of the file>`, of a plan that is no file `outputs/bench`.
+        plan: a YAML file, a mapping such as one holds, or a `Plan`.
+        dir: directory of the bench; empty means `outputs/bench_<name of the file>`, or `outputs/bench` without a file.
         on_event: called with every `Event` of every search; `Started` says which one begins.
 
     Raises:
@@ -131,16 +131,16 @@ def run(
     tell: Callable[[Bench], object],
     say: Callable[[str], object] = lambda text: None,
 ) -> None:
-    """Run what is missing. All that a person can get wrong about settings is refused before anything is made.
+    """Run the missing cells. All that a person can get wrong about settings is refused before anything is made.
 
     Args:
-        host: of every search.
+        host: host of every search.
         tell: called with the bench as it stands: before the first cell, and after each.
-        say: called with sentences on how it comes along.
+        say: called with sentences on the progress.
 
     Raises:
         Interrupted: stopped by Ctrl-C; what was finished is kept.
-        EurekaError: for a plan that does not fit; what a single cell fails of is in `Bench.failures`.
+        EurekaError: for a plan that does not fit; an error of a single cell is in `Bench.failures`.
     """
     for task in plan.tasks:
         get(task)
@@ -184,7 +184,7 @@ def _conditions(config: RunConfig) -> Mapping[str, Any]:
 
 
 def _begun(directory: Path) -> Mapping[str, Mapping[str, Any]]:
-    """What the file of an earlier call says of its cells."""
+    """`Bench.begun` as an earlier call wrote it."""
     try:
         return json.loads(artifacts.read(directory, JSON) or "{}").get("begun", {})
     except ValueError:
@@ -192,7 +192,7 @@ def _begun(directory: Path) -> Mapping[str, Mapping[str, Any]]:
 
 
 def _read(cell: Cell, place: Path, failures: dict[str, EurekaError]) -> figures.Result | None:
-    """What came of a cell, as far as its run can be read."""
+    """The numbers of a cell; None where its search is not over or its run cannot be read."""
     try:
         return figures.read(cell, place)
     except EurekaError as error:
@@ -211,7 +211,7 @@ def _finish(
 
 def _expect_room(directory: Path) -> None:
     if directory.is_dir():
-        # Names that begin with a dot are what a killed writer left.
+        # Files whose names begin with a dot were left by a killed writer.
         taken = not artifacts.exists(directory, JSON) and any(p.name[0] != "." for p in directory.iterdir())
     else:
         taken = directory.exists()
@@ -220,12 +220,12 @@ def _expect_room(directory: Path) -> None:
 
 
 def _expect_as_begun(directory: Path, configs: Mapping[Cell, RunConfig]) -> None:
-    """Refuse other settings of a cell before the first one runs, which may take days."""
+    """Refuse a cell that began with other settings before the first cell runs, which may take days."""
     for cell, config in configs.items():
         place = directory / cell.name
         try:
             old = read_config(place)
-        except StoreError:  # there is none, or it cannot be read, which is no matter of the others
+        except StoreError:  # no run yet, or an unreadable one, which does not concern the others
             continue
         try:
             expect_same(place, old, compose.as_begun(config, old))

@@ -29,22 +29,22 @@ class Result:
     search_steps: int
     """Environment steps of the trainings of its candidates."""
     steps: int
-    """Environment steps of all its trainings; those of the human and the sparse reward and the final ones as well."""
+    """Environment steps of all its trainings, including those of the human and the sparse reward and the final ones."""
     held_out: float | None
-    """F of its best reward in fresh trainings and episodes, mean over those; None where none left a policy."""
+    """Held-out F of its best reward, mean over fresh trainings; None where none left a policy."""
     human: float | None
     sparse: float | None
-    """The same of the rewards that come with the task."""
+    """The same for the rewards that come with the task."""
     cost_usd: float
-    """Of its replies."""
+    """Cost of its replies."""
     minutes: float
-    """Of training: of lanes that train side by side, those of the longest."""
+    """Minutes of training; of lanes that train side by side, only the longest counts."""
     curve: tuple[tuple[int, float], ...]
-    """The best F of any policy that the search had played, where it rose: steps spent until then, and F."""
+    """The best played F so far, where it rose: steps spent until then, and F."""
 
     @property
     def name(self) -> str:
-        """Of the directory of its search."""
+        """Name of the directory of its search."""
         return Cell(self.task, self.arm, self.seed).name
 
     def reached(self, steps: int) -> float | None:
@@ -53,7 +53,7 @@ class Result:
 
 
 def read(cell: Cell, directory: Path) -> Result | None:
-    """The numbers of a cell; None where its search is not at its end. Raises StoreError where it cannot be read."""
+    """The numbers of a cell; None where its search is not over. Raises StoreError where its run cannot be read."""
     if not has_begun(directory) or not finished(*look(directory)):
         return None
     run = RunView.read(directory)
@@ -82,7 +82,7 @@ def read(cell: Cell, directory: Path) -> Result | None:
 
 
 def _handed_over(run: RunView) -> Sequence[float | None]:
-    """Held-out F of the reward in `best/`, a value a seed: with its fitted numbers where those are better."""
+    """Held-out F of the reward in `best/`, a value per seed: with its fitted numbers where those are better."""
     found = run.tuned
     if found is not None and found.better in found.finals:
         return found.finals[found.better].held_out
@@ -90,7 +90,7 @@ def _handed_over(run: RunView) -> Sequence[float | None]:
 
 
 def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float], ...]:
-    """Where F rose. Slots of a generation count in their order, as if one trained after the other."""
+    """The points where F rose. The slots of a generation are taken in order, as if they trained one after the other."""
     found: list[tuple[int, float]] = []
     for steps, value in played:
         if value is not None and rank(value) > (found[-1][1] if found else rank(None)):
@@ -99,8 +99,8 @@ def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float
 
 
 def _seconds(run: RunView) -> float:
-    """A generation trains side by side, the first with the rewards that come with the task; so do final trainings,
-    weightings of a round, and lanes that carry a policy on."""
+    """Time of training: the sum over groups of lanes that train side by side, of each group's longest. Groups are a
+    generation (the first with the task's own rewards), a round of final trainings or of weightings, and polishing."""
 
     def lanes(role: Role, seeds: Container[int]) -> set[str]:
         return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}

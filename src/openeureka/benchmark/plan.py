@@ -1,4 +1,4 @@
-"""What `eureka bench` is to run: tasks, seeds, and arms that differ in their settings. Read strictly from YAML."""
+"""Plans of `eureka bench`: tasks, seeds, and arms that differ in their settings. Read strictly from YAML."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Settings = Mapping[str, Any]
 
 NAME = re.compile(r"\w{1,40}", re.ASCII)
 OWN = ("env", "seed", "dir")
-"""Settings that are not an arm's to choose: every cell has its own."""
+"""Settings that an arm may not choose: every cell has its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,26 +34,26 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """Of its directory, and for people."""
+        """Name of its directory, which people see too."""
         return f"{short_name(self.task)}-{self.arm}-{self.seed}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Arms x tasks x seeds. Raises ConfigError, one sentence, for what does not fit."""
+    """Arms x tasks x seeds. Raises ConfigError, in one sentence, for what does not fit."""
 
     tasks: tuple[str, ...]
     seeds: tuple[int, ...]
     arms: Mapping[str, Settings]
     """What each arm changes; the others are compared with the first."""
     settings: Settings = field(default_factory=dict[str, Any])
-    """Of all arms."""
+    """Settings of all arms."""
     per_task: Mapping[str, Settings] = field(default_factory=dict[str, Settings])
-    """What a task changes of them; an arm's own settings come after these."""
+    """What a task changes of these; an arm's own settings override both."""
 
     def __post_init__(self) -> None:
         _listed("tasks", self.tasks, str)
-        object.__setattr__(self, "seeds", tuple(_listed("seeds", self.seeds, int)))  # may be NumPy's
+        object.__setattr__(self, "seeds", tuple(_listed("seeds", self.seeds, int)))  # may be NumPy's integers
         for where, named in (("arms", self.arms), ("per_task", self.per_task)):
             for name, settings in _expect_named(where, named).items():
                 _expect_settings(f"{where}.{name}", settings)
@@ -80,7 +80,7 @@ class Plan:
                 )
 
     def cells(self) -> Iterator[Cell]:
-        """In the order in which they run: one that is broken off has every arm of the first seeds."""
+        """The cells in the order in which they run: a bench that is stopped early has every arm of the first seeds."""
         for seed in self.seeds:
             for task in self.tasks:
                 for arm in self.arms:
@@ -92,7 +92,7 @@ class Plan:
         return {**chosen, "env": cell.task, "seed": cell.seed}
 
     def config(self, cell: Cell) -> RunConfig:
-        """All settings of a cell but its directory."""
+        """All settings of a cell except its directory."""
         try:
             return RunConfig(**taken(RunConfig, self.typed(cell)))
         except ConfigError as error:
@@ -103,7 +103,7 @@ class Plan:
 
 
 class _Loader(yaml.SafeLoader):
-    """One that does not let the second of two equal keys win, and takes no number for another."""
+    """Refuses repeated keys, and integers that begin with a zero, which YAML takes for octal."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         named = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
@@ -124,7 +124,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 
 def load(path: Path) -> Plan:
-    """A plan from a YAML file; files that it names are found from where it is. Raises ConfigError."""
+    """A plan from a YAML file; paths in it are relative to the file's folder. Raises ConfigError."""
     found = read_yaml(path, "plan", _Loader)
     try:
         return plan(found, path.parent)
@@ -133,10 +133,10 @@ def load(path: Path) -> Plan:
 
 
 def plan(found: object, folder: Path | None = None) -> Plan:
-    """A plan from what YAML holds.
+    """A plan from the contents of a YAML file.
 
     Args:
-        folder: where files are that it names; None for the working directory.
+        folder: folder that paths in the plan are relative to; None for the working directory.
 
     Raises:
         ConfigError: for what does not fit.
@@ -188,7 +188,7 @@ def _expect_settings(where: str, value: object) -> Mapping[str, Any]:
 
 
 def _named(key: str, value: object, folder: Path) -> dict[str, Settings]:
-    """Settings by name, as of arms."""
+    """Settings by name, such as those of arms."""
     named = _expect_named(key, value)
     return {name: _settings(f"{key}.{name}", changes, folder) for name, changes in named.items()}
 

@@ -25,23 +25,23 @@ class Row:
     task: str
     arm: str
     seeds: int
-    """Finished ones."""
+    """Number of finished seeds."""
     search_steps: float | None
     """Environment steps of the candidates, mean over seeds."""
     steps: float | None
-    """Of all trainings, those of the human and the sparse reward and the final ones as well."""
+    """The same for all trainings, including those of the human and the sparse reward and the final ones."""
     matched: Estimate | None
-    """The best played F when the search had spent as many steps as the cheapest arm of its seed."""
+    """The best played F when the search had spent as many steps as the cheapest arm with the same seed."""
     held_out: Estimate | None
-    """F of the best reward in fresh trainings and episodes."""
+    """Held-out F of the best reward, over fresh trainings."""
     score: float | None
-    """The same human-normalised, clipped to [0, 3]. It has no interval: all seeds share the scale."""
+    """The human-normalised score of that F, clipped to [0, 3]. It has no interval: all seeds share the scale."""
     difference: Estimate | None
-    """Of held-out F to the first arm's, paired by seed; None for that arm itself."""
+    """Difference of held-out F to the first arm's, paired by seed; None for the first arm itself."""
     cost_usd: float
-    """Of the replies of all seeds."""
+    """Cost of the replies of all seeds."""
     minutes: float
-    """Of training, all seeds: of lanes that train side by side, those of the longest."""
+    """Minutes of training, all seeds; of lanes that train side by side, only the longest counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,20 +50,20 @@ class Total:
 
     arm: str
     cells: int
-    """Finished ones."""
+    """Number of finished cells."""
     score: float | None
-    """Human-normalised, clipped to [0, 3]; every task and seed counts alike. No interval, as in `Row`."""
+    """Human-normalised score, clipped to [0, 3]; every task and seed counts alike. No interval, as in `Row`."""
     scored: int
     """Cells that have a score."""
     difference: Estimate | None
-    """To the first arm's, paired by task and seed; None for that arm itself."""
+    """Difference of the score to the first arm's, paired by task and seed; None for the first arm itself."""
     cost_usd: float
     minutes: float
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The finished cells of a plan. The first arm is what the others are compared with."""
+    """The finished cells of a plan. The other arms are compared with the first."""
 
     plan: Plan
     results: tuple[Result, ...]
@@ -115,14 +115,14 @@ class Comparison:
         return next(iter(self.plan.arms))
 
     def _of(self, task: str, arm: str) -> dict[int, Result]:
-        """By seed."""
+        """The results of an arm on a task, by seed."""
         return {result.seed: result for result in self.results if (result.task, result.arm) == (task, arm)}
 
     def _scores(self, arm: str) -> dict[tuple[str, int], float | None]:
         return {(result.task, result.seed): self._score(result) for result in self.results if result.arm == arm}
 
     def _score(self, result: Result) -> float | None:
-        """On one scale for all arms of a task: one cell alone says little of the rewards that come with it."""
+        """Score on one scale for all arms of a task: a single cell says little of the task's own rewards."""
         return clipped(human_normalised(result.held_out, *self.scale(result.task)))
 
     def scale(self, task: str) -> tuple[float | None, float | None]:
@@ -131,7 +131,7 @@ class Comparison:
         return mean([cell.human for cell in cells]), mean([cell.sparse for cell in cells])
 
     def _cheapest(self, task: str, seed: int) -> int:
-        """Steps of the search that took the fewest; of those that trained at all."""
+        """Steps of the search that took the fewest, among those that trained at all."""
         cells = (result for result in self.results if (result.task, result.seed) == (task, seed))
         return min((cell.search_steps for cell in cells if cell.search_steps), default=0)
 
@@ -146,7 +146,7 @@ class Comparison:
     # --- for people --------------------------------------------------------------------------------------------------
 
     def tables(self) -> tuple[Table, Table]:
-        """By task, and over tasks."""
+        """The table by task, and the one over tasks."""
         to_first = f"more than {self._first}"
         titles = (
             *("task", "arm", "seeds", "steps of the search", "of all", "F played, matched steps", "F held out"),
@@ -173,7 +173,7 @@ class Comparison:
         )
 
     def figures(self) -> Iterator[charts.Chart]:
-        """A panel a task: the best played F by steps of the search, mean over seeds, and the human reward's."""
+        """A chart per task: best played F against steps of the search, mean over seeds, and the human reward's F."""
         for task in self.plan.tasks:
             lines = {arm: _mean_curve([*self._of(task, arm).values()]) for arm in self.plan.arms}
             human, _ = self.scale(task)
@@ -184,7 +184,7 @@ class Comparison:
 
 
 def _mean_curve(results: Sequence[Result]) -> list[charts.Point]:
-    """From where every search has played something; one that is at its end stays where it is."""
+    """The curve begins where every search has played something; a search that has ended keeps its last value."""
     changes = sorted({steps for result in results for steps, _ in result.curve})
     found: list[charts.Point] = []
     for steps in changes:
@@ -222,7 +222,7 @@ def _with_missing(found: Estimate | None, count: int) -> str:
 
 
 def _missing(value: str, missing: int) -> str:
-    """Searches that have no value are no part of a mean, and that has to be said."""
+    """Adds how many searches have no value, since a mean leaves them out."""
     return f"{value} ({missing} undefined)" if missing else value
 
 
@@ -233,7 +233,7 @@ def _decided(difference: Estimate | None) -> tuple[str, str]:
 
 
 def shown(found: Estimate | None, sign: str = "") -> str:
-    """`412 (390 to 434)`; without an interval where there is none."""
+    """`412 (390 to 434)`; only the value where there is no interval."""
     if found is None:
         return number(None)
     ends = f" ({found.low:{sign}.3g} to {found.high:{sign}.3g})" if found.low is not None else ""

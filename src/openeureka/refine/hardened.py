@@ -1,4 +1,4 @@
-"""What `eureka robust` found: how far policies carry, and which of them works in hard worlds."""
+"""What `eureka robust` found: how far worlds may change before policies fail, and which policy works in hard worlds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GRID: Mapping[str, tuple[float, ...]] = {
     "noise": (0.02, 0.1, 0.2, 0.5),
     "push": (0.25, 0.5, 1.0, 2.0),
 }
-"""Where a policy is tried, one quantity at a time; the task's own value is tried once for all."""
+"""Values that a policy is tried at, one quantity at a time; the task's own value is tried once for all quantities."""
 HARD: Mapping[str, Dynamics] = {
     "mass -30 %": Dynamics(mass=0.7),
     "mass +30 %": Dynamics(mass=1.3),
@@ -32,40 +32,41 @@ HARD: Mapping[str, Dynamics] = {
     "heavy, weak, late": Dynamics(mass=1.3, strength=0.7, delay=0.04),
     "light, slippery, noisy": Dynamics(mass=0.7, friction=0.7, noise=0.05),
 }
-"""Worlds that no model is shown; F over them is what robust means here. Policies are chosen and judged by them, each on
-start states of its own."""
+"""Worlds that no model is shown; F over them measures robustness here. Policies are chosen and judged in them, on
+different start states."""
 KEEPS = 0.75
-"""Share of what was learnt that a policy keeps where it is said to work."""
-# Tryouts are called by what follows here. Scores are looked up by these names, and nothing takes a name apart.
+"""Share of the learnt F that a policy must keep to count as working."""
+# Names of tryouts follow. Scores are looked up by these names, and nothing takes a name apart.
 SWEEP = "sweep"
-"""A policy in the task's own world, beside those of `swept`."""
+"""A policy in the task's own world, as part of the sweep: see `swept`."""
 UNTRAINED = "sweep untrained"
-"""The policy that all begin from, as it was untrained."""
+"""The policy that all begin from, with its untrained weights."""
 OWN = "nominal"
-"""The task's own world, beside those of `HARD`."""
+"""The task's own world, in addition to those of `HARD`."""
 
 
 def swept(quantity: str, value: float) -> str:
-    """A policy in a world with one quantity changed."""
+    """Name of the tryout of a policy in a world with one quantity changed."""
     return f"{SWEEP} {quantity}={value:g}"
 
 
 def in_world(world: str, choosing: Peak | None = None) -> str:
-    """A policy in one of `HARD` or in its own world, to be judged or, by its peak, to choose among those of a lane."""
+    """Name of a tryout in one of `HARD` or in the task's own world: to judge, or to choose a lane's policy by peak."""
     return f"hard {world}" if choosing is None else f"choose {choosing} hard {world}"
 
 
 PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
-"""The policy that the search left; the same, trained on as it was; and ranges that nobody gave a reason for."""
+"""Arms to compare with: the policy that the search left; the same, trained further as before; and one that trains with
+the ranges `wide`, which are the same for every robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Carried:
-    """How far a policy carries along one quantity."""
+    """How far one quantity may change before a policy fails."""
 
     name: str
     points: tuple[tuple[float, float | None, float | None], ...]
-    """Value, F, and the share of what was learnt that is left of it; the task's own value among them."""
+    """For each value, the task's own among them: the value, F, and the share of the learnt F that is left."""
 
     @property
     def _works(self) -> list[float]:
@@ -82,7 +83,7 @@ class Carried:
 
     @property
     def low(self) -> float | None:
-        """The end of where it works without a gap; None where nothing says what was learnt."""
+        """Lower end of the values around the task's own at which it works throughout; None if learnt F is unknown."""
         return min(self._works) if any(share is not None for _, _, share in self.points) else None
 
     @property
@@ -92,37 +93,37 @@ class Carried:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustArm:
-    """One policy of the comparison."""
+    """One arm of the comparison: a policy."""
 
     name: str
-    """`plain`, `longer`, `uniform`, or the proposal."""
+    """`plain`, `longer`, `uniform`, or the name of a proposal."""
     ranges: Ranges | None
     nominal: Evaluation | None
-    """In the task's own world, held out."""
+    """Held-out score in the task's own world."""
     hard: float | None
-    """Mean F over the hard worlds, held out; None before that."""
+    """Held-out F, mean over the hard worlds; None before these are played."""
     worlds: Mapping[str, Evaluation]
-    """By hard world."""
+    """Held-out scores by hard world."""
     chosen_by: float | None
-    """The same mean on start states for choosing; the plain policy was not chosen so."""
+    """The same mean on start states for choosing; None for the plain policy, which was not chosen that way."""
     breach: str = ""
-    """The limits of the run that it breaks, held out where it was judged: in its own world, or on average over hard
-    ones."""
+    """The run's limits that it breaks in the task's own world or on average over hard ones: held out if it was judged,
+    otherwise on start states for choosing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Robust:
-    """What came of it."""
+    """What `eureka robust` found, as far as it has come."""
 
     arms: tuple[RobustArm, ...]
     ours: str
-    """The proposal that was chosen; empty before that."""
+    """Name of the chosen proposal; empty before one is chosen."""
     before: tuple[Carried, ...]
     after: tuple[Carried, ...]
 
 
 def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
-    """What the store of a run says of it; None where it was not begun."""
+    """What the store of a run says of `eureka robust`; None where that was not begun."""
     scores, own = store.lanes.tryouts(), store.lanes.ranges()
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
     known = store.hardening()
@@ -140,21 +141,21 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
 
 
 def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:
-    """Of a lane's policies that which does best in hard worlds, on start states for choosing: one that keeps the limits
-    before others. None where F is undefined for all."""
+    """Score of the lane's policy that does best in hard worlds, on start states for choosing; policies that keep the
+    limits come first. None where F is undefined for all."""
     found = [_over(_by_world(scores, peak)) for peak in PEAKS]
     return max((one for one in found if one is not None), key=lambda one: worth(one, limits), default=None)
 
 
 def _by_world(scores: Mapping[str, Evaluation], choosing: Peak | None = None) -> dict[str, Evaluation]:
-    """Those of one policy (see `in_world`) by world, its own first, as far as it was tried."""
+    """Scores of one policy (see `in_world`) by world, the task's own first, as far as it was tried."""
     names = {world: in_world(world, choosing) for world in (OWN, *HARD)}
     return {world: scores[name] for world, name in names.items() if name in scores}
 
 
 def _over(worlds: Mapping[str, Evaluation]) -> Evaluation | None:
-    """One score of a policy for its hard worlds, in which a cost is the mean over them, or that in its own world where
-    it is higher. None before it has one, or where F is undefined in one of them."""
+    """A policy's score over its hard worlds. Each cost is the mean over them, or that in the task's own world if it is
+    higher. None before the policy played there, or if F is undefined in one of them."""
     hard = [score for world, score in worlds.items() if world != OWN]
     if not hard or any(score.fitness is None for score in hard):
         return None
@@ -179,7 +180,7 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], lim
 
 
 def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
-    """How far a lane's policy carries along each quantity, as far as it was tried."""
+    """How far each quantity may change before a lane's policy fails, as far as it was tried."""
     tryouts, known = store.lanes.tryouts(), store.hardening()
     scores, began = tryouts.get(lane, {}), tryouts.get(known.policy.lane, {}) if known is not None else {}
     nominal = scores.get(SWEEP)

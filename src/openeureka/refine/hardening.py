@@ -1,5 +1,5 @@
-"""Ranges with a reason, as in DrEureka (arXiv 2406.01967): how far the best policy carries, what a model proposes from
-that, and which of its proposals makes a policy that works in hard worlds.
+"""Domain randomisation as in DrEureka (arXiv 2406.01967): measures how far worlds may change before the best policy
+fails, lets a model propose ranges from that, and finds the proposal whose policy works in hard worlds.
 
 Everything is kept in the run that found the reward. To go on is to run it again.
 """
@@ -55,34 +55,34 @@ from .hardened import (
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
-"""Of a training's steps; a policy that goes on takes one of them where the settings do not say."""
+"""Parts of a training's steps; by default, a policy that goes on trains for one of them."""
 _BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL | re.IGNORECASE)
 LONGEST = 4000
-"""Characters of a table that is read at all."""
+"""Most characters of a table; a longer one is not read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Robot:
-    """What ranges are proposed for."""
+    """The robot that ranges are proposed for."""
 
     task: str
-    """What it is to do."""
+    """What the robot is to do."""
     description: str
-    """Its bodies, joints and drives, in lines."""
+    """The robot's bodies, joints and drives, in lines."""
     quantities: tuple[str, ...]
-    """Those of `types.Dynamics` that change anything of it."""
+    """Quantities of `types.Dynamics` that change anything of this robot."""
     uniform: Ranges
-    """Ranges without a reason, to compare with."""
+    """The ranges `wide`, which are the same for every robot, to compare with."""
     read: Callable[[str], Ranges]
-    """Ranges from YAML; raises ConfigError for anything else."""
+    """Reads ranges from YAML; raises ConfigError for anything else."""
 
 
 def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening) -> None:
-    """Do what is missing of the chain. `robust/` then holds the policy and the ranges that made it.
+    """Do the missing steps. `robust/` then holds the chosen policy and the ranges that it trained with.
 
     Args:
-        lanes: of the run that found the reward; its settings say how many proposals there are (`sample`).
-        training: what `planned` says.
+        lanes: lanes of the run that found the reward; its setting `sample` is the number of proposals.
+        training: as `planned` returns it.
 
     Raises:
         ModelError: when no reply holds ranges that can be used.
@@ -91,12 +91,12 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     config, store, began = lanes.config, lanes.store, training.policy
     store.save_hardening(training)
     lanes.tell(Began("evaluate"))
-    # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
+    # A model must not see the scores that judge its ranges. Both sweeps use the same start states, to be compared.
     untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=True)
     lanes.try_out([*sweep(began, robot.quantities), untrained], starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
-    model.close()  # an embedded model must not run while training does: they fight for the same cores
-    # As it was trained; from scratch that would be the best policy again.
+    model.close()  # an embedded model must not run while training does: both would compete for the same cores
+    # Trained further as before; from scratch, this arm would be the best policy again.
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
@@ -113,7 +113,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     beside = [name for name in (LONGER, UNIFORM) if name in arms]
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
-    # Not held out as a final score is: the policy that all begin from may have been chosen by that.
+    # Not on the start states of final scores: the policy that all begin from may have been chosen by these.
     hard = [tryout for own in judged for tryout in hard_tryouts(own, robot.quantities)]
     lanes.try_out(hard, starts=ROBUST, episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
@@ -121,13 +121,13 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
 
 
 def planned(store: Store, start: str, steps: int) -> Hardening:
-    """How the robust policies of a run are to be trained, or are already.
+    """How the robust policies of a run are to be trained: as earlier ones were, if there are any.
 
     Args:
         start, steps: as in `RobustConfig`.
 
     Raises:
-        ConfigError: where the first of them were trained otherwise, or there is no policy to go on from.
+        ConfigError: where earlier ones were trained in another way, or there is no policy to go on from.
     """
     before = store.hardening()
     policy = before.policy if before is not None else _best(store)
@@ -147,7 +147,7 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
 
 
 def _half(store: Store, policy: PolicyId) -> int:
-    """Half of the steps of the training that made a policy, whatever carried it on since."""
+    """Half of the steps of the training that a policy first came from, before lanes went on from it."""
     lane, lanes = policy.lane, store.lanes.all()
     while (start := lanes[lane].start) is not None:
         lane = start.policy.lane
@@ -155,7 +155,7 @@ def _half(store: Store, policy: PolicyId) -> int:
 
 
 def _best(store: Store) -> PolicyId:
-    """The one that `polish=` left, or that in `best/`. Raises ConfigError before there is one."""
+    """The policy that `polish=` left, or the one in `best/`. Raises ConfigError before there is one."""
     found = store.lanes.best_policy() or store.best()
     if found is None:
         expect_files(store)
@@ -165,25 +165,25 @@ def _best(store: Store) -> PolicyId:
 
 
 def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Tryout]:
-    """A policy in the task's own world, and with each quantity changed alone."""
+    """Tryouts of a policy in the task's own world, and with each quantity changed alone."""
     worlds = {SWEEP: NOMINAL}
     worlds |= {swept(name, value): Dynamics(**{name: value}) for name in quantities for value in GRID[name]}
     return tryouts(policy, worlds)
 
 
 def tryouts(policy: PolicyId, worlds: Mapping[str, Dynamics]) -> list[Tryout]:
-    """Of one policy, by what they are called."""
+    """Tryouts of one policy in worlds, under the names of these."""
     return [Tryout(lane=policy.lane, name=name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
 
 
 def hard_tryouts(policy: PolicyId, quantities: Sequence[str], choosing: Peak | None = None) -> list[Tryout]:
-    """Of one policy in hard worlds and in its own; see `hardened.in_world`."""
+    """Tryouts of one policy in hard worlds and in the task's own; see `hardened.in_world`."""
     worlds = hard_worlds(quantities)
     return tryouts(policy, {in_world(world, choosing): dynamics for world, dynamics in worlds.items()})
 
 
 def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
-    """Those of `HARD` that are other worlds for a robot, as far as it has their quantities; and its own."""
+    """The task's own world, and each of `HARD` that differs from it and the others in quantities that a robot has."""
     found: dict[str, Dynamics] = {OWN: NOMINAL}
     for name, world in HARD.items():
         known = {each: getattr(world, each) for each in quantities if getattr(world, each) != getattr(NOMINAL, each)}
@@ -193,7 +193,7 @@ def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
 
 
 def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening) -> dict[str, Ranges]:
-    """Ranges by name, one a slot whose reply, or a repair of it, can be used."""
+    """Ranges by name, for each slot whose reply, or a repair of it, can be used."""
     config, store = lanes.config, lanes.store
     prompt = asked(robot, carries(store, training.policy.lane, robot.quantities), anew=training.anew)
     found: dict[str, Ranges] = {}
@@ -236,7 +236,7 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
 
 
 def table_of(reply: str) -> str:
-    """The last code block of a reply, or all of it. Raises ConfigError for what is too long to be a table."""
+    """The last code block of a reply, or the whole reply. Raises ConfigError for what is too long to be a table."""
     blocks = _BLOCK.findall(reply.replace("\r\n", "\n"))
     text = blocks[-1] if blocks else reply
     if len(text) > LONGEST:
@@ -266,7 +266,7 @@ def asked(robot: Robot, carried: Sequence[Carried], *, anew: bool) -> Prompt:
 
 
 def _ends(name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Values that the grammar offers for the lowest and the highest end: those of the grid about the task's own."""
+    """Values that the grammar offers for the low and the high end of a range: the task's own and the grid beyond."""
     own = float(getattr(NOMINAL, name))
     return (*(v for v in GRID[name] if v < own), own), (own, *(v for v in GRID[name] if v > own))
 
@@ -299,11 +299,11 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
 
 
 def _worth(lanes: Lanes, lane: str) -> tuple[float, float]:
-    """To rank lanes by, on start states for choosing."""
+    """Key to rank lanes by, on start states for choosing."""
     limits = lanes.config.cost_limits
     return worth(chosen(lanes.store.lanes.tryouts().get(lane, {}), limits), limits)
 
 
 def written(ranges: Ranges) -> str:
-    """As `randomise=FILE.yaml` reads them."""
+    """Ranges as text that `randomise=FILE.yaml` reads."""
     return "".join(f"{name}: [{low:g}, {high:g}]\n" for name, (low, high) in ranges.drawn.items())

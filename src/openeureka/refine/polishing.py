@@ -1,7 +1,7 @@
-"""Carries the best policy of a search on: lanes go on from it, each in its own way, the best is judged as it is, and
-both are compared.
+"""Trains the best policy of a search further: lanes go on from it in different ways, and the best result is compared
+with the policy that they began from.
 
-What that policy scores is no measure of the reward it was trained under last: from a good policy, poor rewards do well.
+The score of such a policy says nothing about the reward of its last training: from a good policy, poor rewards do well.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from ..store import Store
 from ..types import PEAKS, Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Tryout
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
-"""Of fresh weights in the mixture that a lane begins with."""
+"""Shares of fresh weights in the mixtures that lanes begin with."""
 COMPARED = "carried on"
-"""What the tryout of both policies is called."""
+"""Name of the tryouts of both policies."""
 PARTS = 8
-"""Of a training's steps; a lane takes one of them where the settings do not say."""
+"""Parts of a training's steps; by default, a lane trains for one of them."""
 
 
 def polish(lanes: Lanes) -> None:
-    """Train lanes from the policy in `best/`, under its own reward and the others that trained again in the end; let
-    them play, and judge the one that plays best beside that policy, both in new episodes: by its final score that one
-    was chosen among its seeds. If the other is better, `polished/` holds it.
+    """Train lanes from the policy in `best/`, under its own reward and the others that trained again in the end. Let
+    them play, and compare the policy that plays best with the one in `best/`. Both play new episodes: the final score
+    of the latter is too high, as it was chosen among seeds by that. If the other is better, `polished/` holds it.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
@@ -57,11 +57,11 @@ def polish(lanes: Lanes) -> None:
 
 
 def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph]) -> list[Wanted]:
-    """`config.polish` lanes, each of another reward or with another share of fresh weights: those first that change
-    least. With more lanes than there are such pairs, they come again with further seeds.
+    """`config.polish` lanes, one for each pair of a reward and a share of fresh weights, pairs that change least first.
+    If there are more lanes than pairs, the pairs come again with further seeds.
 
     Args:
-        rewards: by name, the policy's own first.
+        rewards: programs by name, the policy's own reward first.
     """
     pairs = [(order, name, share) for order, name in enumerate(rewards) for share in range(len(SHARES))]
     pairs.sort(key=lambda pair: (pair[0] + pair[2], pair[0]))
@@ -73,19 +73,19 @@ def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph])
 
 
 def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
-    """One reward, then the others that trained with fresh seeds: the contenders for the crown, and fitted ones."""
+    """The named reward, then the others that trained with fresh seeds: contenders for the crown, and fitted ones."""
     final = [lane.reward for lane in store.lanes.all().values() if lane.role == "final"]
     programs = {name: store.rewards.program(name) for name in (own, *final)}
     return {name: program for name, program in programs.items() if isinstance(program, RewardGraph)}
 
 
 def _compared(tryouts: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:
-    """What policies scored when they were compared, by lane id."""
+    """Scores of policies in the comparison, by lane id."""
     return {lane: own[COMPARED] for lane, own in tryouts.items() if COMPARED in own}
 
 
 def _leader(played: Mapping[str, Evaluation], limits: Limits) -> PolicyId | None:
-    """The policy that plays best, of those that keep the limits if any does; of equals that of the first lane."""
+    """The policy that plays best, of those that keep the limits if any does; the first lane's of equals."""
     lane = max(played, key=lambda lane: worth(played[lane], limits), default=None)
     peak = played[lane].peak if lane is not None else None
     return PolicyId(lane, peak) if lane is not None and peak is not None else None
@@ -93,44 +93,44 @@ def _leader(played: Mapping[str, Evaluation], limits: Limits) -> PolicyId | None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Try:
-    """One lane that carried the policy on, as far as it has come."""
+    """One lane that trained the policy further, as far as it has come."""
 
     lane: Lane
     start: Start
     result: TrainingResult | None
     """None while it trains."""
     played: Evaluation | None
-    """What the best of its policies scored when they were played to choose by."""
+    """Score of the best of its policies, when they were played to choose by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polished:
-    """A policy and what came of carrying it on. Both are judged as they are: it says nothing of any reward."""
+    """A policy and what came of training it further. The scores compare policies and say nothing about rewards."""
 
     tries: tuple[Try, ...]
     began: PolicyId
-    """The policy of the best reward, from which all of them went on."""
+    """The policy of the best reward, from which all lanes went on."""
     before: Evaluation | None
-    """Its F, held out; None before it is judged."""
+    """Held-out score of that policy; None before it is judged."""
     chosen: Try | None
-    """The lane whose policy plays best; None before that is judged, and where none left one."""
+    """The lane whose policy plays best; None before that is judged, and where no lane left a policy."""
     after: Evaluation | None
-    """F of that policy, held out."""
+    """Held-out score of the chosen lane's policy."""
     best: PolicyId | None
-    """The one of both with the higher F, held out, of those that keep the limits; None before they are judged."""
+    """The one of the two with the higher held-out F, of those that keep the limits; None before they are judged."""
     breach: str = ""
-    """The limits that the chosen lane's policy breaks, held out; empty where none."""
+    """The limits that the chosen lane's policy breaks, held out; empty where it breaks none."""
     breach_before: str = ""
-    """Those that the policy which it began from breaks."""
+    """The same for the policy that it began from."""
 
     @property
     def better(self) -> bool:
-        """Whether carrying on led to a policy of higher F, held out, which stands in `polished/`."""
+        """Whether training further led to a policy of higher held-out F, which is in `polished/`."""
         return self.best is not None and self.best != self.began
 
     @property
     def gain(self) -> Estimate | None:
-        """F after less that before, with an interval over episodes."""
+        """Held-out F after training further minus that before, with an interval over episodes."""
         return gain(self.after, self.before) if self.after is not None and self.before is not None else None
 
 
@@ -142,14 +142,14 @@ def read(
     best: PolicyId | None,
     limits: Limits,
 ) -> Polished | None:
-    """What the store of a run says of it; None where no policy was carried on.
+    """What the store of a run says of polishing; None where no policy was trained further.
 
     Args:
-        lanes: by id, as all that follows.
-        played: what lanes scored when they were played to choose by.
-        tryouts: what they were tried in, by name.
+        lanes: lanes by id; all that follows is by lane id too.
+        played: scores of lanes when they were played to choose by.
+        tryouts: scores of lanes in tryouts, by the tryout's name.
         best: `LaneLog.best_policy`.
-        limits: of the run.
+        limits: limits of the run.
     """
     tries = [
         Try(lane=lane, start=lane.start, result=results.get(name), played=played.get(name))

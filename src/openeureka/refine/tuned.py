@@ -1,4 +1,4 @@
-"""What the tuning of a reward found: numbers before and after, which of them matter, and what F makes of it."""
+"""What the tuning of a reward found: numbers before and after, which of them matter, and how F changed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, TrainingState, lane_id, of_components
 
 ORIGINAL = "original"
-"""What the text as it came is called; the others are `trial_1` and so on."""
+"""Name of the original text; the others are `trial_1` and so on."""
 FEWEST = 5
-"""Trainings, for a correlation to have an interval."""
+"""Fewest trainings for a correlation to have an interval."""
 LAST = 0.1
 """Share of the epochs that the mean of a component is taken over."""
 
 Texts = Mapping[str, Candidate]
-"""Every weighting by name, the text as it came first."""
+"""Every weighting by name, the original text first."""
 Scores = Mapping[str, Evaluation]
-"""By lane id."""
+"""Scores by lane id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,35 +47,35 @@ class Effect:
     """What one number did to played F, over all trainings of the rounds."""
 
     weight: Weight
-    """As it came."""
+    """The number in the original text."""
     after: float | None
-    """In the best other weighting; None before there is one."""
+    """The number in the best other weighting; None before there is one."""
     trend: Correlation | None
-    """Of F and the number with its sign; None where there are too few trainings."""
+    """Correlation of F with the number and its sign; None where there are too few trainings."""
     distance: Correlation | None
-    """Of F and how far the number is from the one that came, up or down."""
+    """Correlation of F with how far the number is from the original one, up or down."""
 
     @property
     def matters(self) -> bool:
-        """Whether either is beyond doubt."""
+        """Whether either correlation is beyond doubt."""
         return any(found is not None and found.sure for found in (self.trend, self.distance))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighting:
-    """Numbers of a reward, as far as they have come."""
+    """A reward text with one set of numbers, and its results so far."""
 
     name: str
     candidate: Candidate
     values: tuple[float, ...]
     result: TrainingResult | None
-    """Of its training with the run's seed; None before that is over."""
+    """Result of its training with the run's seed; None before that is over."""
     played: float | None
-    """F of its policy of that training; None where that was cut, as it trained for less than the others."""
+    """Played F of that training's policy; None where the training was cut, as it was shorter than the others."""
 
     @property
     def cut(self) -> bool:
-        """Whether a search cut its training: so the text as it came may have led one."""
+        """Whether the search cut its training: the original text may have won a search although it was cut."""
         return self.result is not None and self.result.state is TrainingState.CUT
 
 
@@ -85,32 +85,32 @@ class Tuned:
 
     trials: tuple[Weighting, ...]
     trained: int
-    """How many of them trained by now."""
+    """Number of them that have trained so far."""
     effects: tuple[Effect, ...]
     after: str
-    """Name of the weighting that the final trainings prefer among the others; empty before there are any."""
+    """Name of the weighting, other than the original, that the final trainings prefer; empty before there is one."""
     finals: Mapping[str, SeedScores] = field(default_factory=dict[str, SeedScores])
-    """Final trainings by name, a value a seed: fresh seeds, for the text as it came and those that raced it."""
+    """Scores of the final trainings by name, one per fresh seed, for the original text and those that raced it."""
     components: Mapping[str, tuple[float | None, float | None]] = field(
         default_factory=dict[str, tuple[float | None, float | None]]
     )
-    """Mean of each component at the end of the final trainings, before and after."""
+    """Mean of each component at the end of the final trainings, before and after tuning."""
     judged: bool = False
     """Whether the final trainings are scored in held-out episodes."""
     share: float = 1.0
-    """Of all errors, those that the look at which the race stopped may make: see `stats.spent`."""
+    """Share of the race's error probability that belongs to the look at which it stopped: see `stats.spent`."""
     alone: bool = False
-    """Whether the text as it came is the only one that trained to a policy which could be scored."""
+    """Whether the original text is the only one that trained to a policy which could be scored."""
     lost: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Why others left no policy, by name, in words of the checks or of the trainer."""
+    """Messages of other weightings' trainings that ended early, by the weighting's name."""
     breach: str = ""
-    """The limits that the policies of `after` break, on average over its final trainings; empty where none."""
+    """The limits that the policies of `after` break, on average over its final trainings; empty if none."""
     breach_before: str = ""
-    """The same of the text as it came."""
+    """The same for the original text."""
 
     @property
     def better(self) -> str:
-        """Which of both stands in `best/`. The other replaces the text as it came where it keeps the limits, and has a
+        """Name of the weighting in `best/`. `after` replaces the original text if it keeps the limits, and has the
         higher mean of held-out F or is alone in keeping them."""
         if not self.after or self.breach:
             return ORIGINAL
@@ -120,13 +120,13 @@ class Tuned:
 
     @property
     def lawful(self) -> bool:
-        """Whether the better one keeps the limits."""
+        """Whether the weighting in `best/` keeps the limits."""
         return not (self.breach if self.better == self.after else self.breach_before)
 
     @property
     def difference(self) -> Difference | None:
-        """Held-out F after less that before. It allows for the best having been picked among several, and for every
-        look at which the race might have stopped."""
+        """Held-out F after tuning minus that before. The interval allows for the best having been picked among several,
+        and for every look at which the race might have stopped."""
         if not self.after:
             return None
         own, other = self.finals[self.after].scores, self.finals[ORIGINAL].scores
@@ -144,8 +144,8 @@ def read(
     """What the store of a run says of its tuning; None before that began.
 
     Args:
-        played: what lanes scored when they were played to choose by.
-        evaluations: what they scored in held-out episodes.
+        played: scores of lanes when they were played to choose by.
+        evaluations: scores of lanes in held-out episodes.
     """
     if ORIGINAL not in texts:
         return None
@@ -176,7 +176,7 @@ def read(
 def _weightings(
     config: RunConfig, texts: Texts, results: Mapping[str, TrainingResult], played: Scores
 ) -> tuple[Weighting, ...]:
-    """Those whose numbers can be told."""
+    """The weightings whose numbers can be read from their texts."""
     found: list[Weighting] = []
     for name, candidate in texts.items():
         own, lane = values(candidate.source, texts[ORIGINAL].source), lane_id(candidate.id, config.seed)
@@ -192,14 +192,14 @@ def _breach(scores: Sequence[Evaluation | None], limits: Limits) -> str:
 
 
 def size(config: RunConfig) -> int:
-    """Weightings of a round. `sample` of a search says how many rewards a generation has: many a round would leave few
-    rounds, and what the first ones score would move little."""
+    """Weightings of a round, at least `FEWEST_TUNED`. After a search, `sample` is the size of a generation: rounds of
+    that size would be few, and the scores of the first would guide little. So a round has a quarter of all, at most."""
     most = config.sample if config.model == NO_MODEL else min(config.sample, config.tune // 4)
     return max(most, FEWEST_TUNED)
 
 
 def rounds(config: RunConfig) -> list[range]:
-    """The numbers of the weightings of each round; 0 is the text as it came."""
+    """The numbers of the weightings of each round; 0 is the original text."""
     step = size(config)
     return [range(first, min(first + step, config.tune)) for first in range(0, config.tune, step)]
 
@@ -207,10 +207,10 @@ def rounds(config: RunConfig) -> list[range]:
 def final_lanes(
     config: RunConfig, texts: Texts, results: Container[str], seeds: Sequence[int] | None = None
 ) -> dict[str, list[str]]:
-    """Ids of the lanes that trained with fresh seeds, by name; the text as it came first, others that have some.
+    """Ids of the lanes that trained with fresh seeds, by name: the original text first, then others that have some.
 
     Args:
-        seeds: those to look for; None for all that a run may take.
+        seeds: fresh seeds to look for; None for all that a run may take.
     """
     wanted = tuning_seeds(config) if seeds is None else seeds
     found = {
@@ -221,7 +221,7 @@ def final_lanes(
 
 
 def distinct(texts: Texts) -> Texts:
-    """Each text once, under its first name: proposals are rounded, so two may be one, or that which came."""
+    """Each text once, under its first name: proposals are rounded, so two may be equal, or equal to the original."""
     names: dict[str, str] = {}
     for name in sorted(texts, key=lambda name: name != ORIGINAL):
         names.setdefault(texts[name].id, name)
@@ -229,8 +229,8 @@ def distinct(texts: Texts) -> Texts:
 
 
 def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits) -> str:
-    """Who raced longest, and of those who played best on average; one that keeps the limits before others; empty where
-    nobody raced."""
+    """Name of the weighting that keeps the limits, raced longest and plays best on average, in this order of
+    importance; empty where none raced."""
 
     def standing(name: str) -> tuple[bool, int, float]:
         keeps = lawful([score for score in scores[name] if score is not None], limits)
@@ -240,7 +240,7 @@ def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits) ->
 
 
 def log_factor(value: float, weight: Weight) -> float:
-    """By how many steps of the weight a value is above its own; 0 where it cannot be told."""
+    """How many steps of the weight a value is above the original one, in logarithms; 0 where that is undefined."""
     ratio = value / weight.value if weight.value else 0.0
     return math.log(ratio) / weight.step if ratio > 0 else 0.0
 
@@ -274,7 +274,7 @@ def _effects(origin: Candidate, trials: Sequence[Weighting], after: str) -> tupl
 
 
 def _trend(xs: Sequence[float], trials: Sequence[Weighting]) -> Correlation | None:
-    """An undefined F has a rank, the lowest."""
+    """Correlation with played F; an undefined F has the lowest rank."""
     return spearman(xs, [rank(trial.played) for trial in trials])
 
 
@@ -302,6 +302,6 @@ def _components(
 
 
 def _late(results: Sequence[TrainingResult], name: str) -> float | None:
-    """Mean of the last tenth of the epochs, over seeds."""
+    """Mean over the last tenth of the epochs, and over seeds."""
     curves = [result.curves.get(name, ()) for result in results]
     return mean([mean(curve[-max(1, round(LAST * len(curve))) :]) for curve in curves if curve])

@@ -1,7 +1,7 @@
 """Keeps the structure of a reward and fits its numbers: rounds of weightings train side by side, then the best race.
 
-A weighting is a reward text with other numbers. Each is judged, kept and trained like any other, so that a run which
-goes on proposes the same again and trains nothing twice.
+A weighting is a reward text with other numbers. Each is judged, kept and trained like any other reward, so that a
+resumed run proposes the same again and trains nothing twice.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ from . import tuned
 from .tuned import ORIGINAL
 
 SPREAD = 0.7
-"""Standard deviation of the first proposals, as logarithms of factors: two thirds are within a factor of two."""
+"""Standard deviation of the first proposals, in steps of a weight. With a step of 1, two thirds are within a factor of
+two."""
 RIVALS = 2
-"""Weightings that race the text as it came."""
+"""Number of weightings that race the original text."""
 DIGITS, FARTHEST = 4, 10.0
-"""Of a proposed number; and the most steps that it goes from the one that came."""
+"""Significant digits of a proposed number, and the most steps that it lies from the original one."""
 
 
 class Optimiser:
     """CMA-ES over the logarithms of factors on the numbers of a text.
 
-    Each round draws anew from the seed, and is told what the texts of the round say: what it proposes next follows from
-    the texts and their scores alone.
+    Each round draws from a seed of its own. `tell` gets the numbers that stand in the texts. So the next proposals
+    follow from the texts and their scores alone.
     """
 
     def __init__(self, origin: Sequence[Weight], size: int, seed: int) -> None:
@@ -50,7 +51,7 @@ class Optimiser:
         self._method = CMA(mean=np.zeros(len(origin)), sigma=SPREAD, population_size=size)
 
     def ask(self, index: int) -> list[tuple[float, ...]]:
-        """Numbers for the weightings of a round; the first of the first round are those that came."""
+        """Numbers for the weightings of a round; the first weighting of the first round has the original ones."""
         digest = hashlib.blake2b(f"{self._seed}/{index}".encode(), digest_size=4).digest()
         self._method.reseed_rng(int.from_bytes(digest))
         points = [self._method.ask() for _ in range(self._size)]
@@ -58,7 +59,7 @@ class Optimiser:
         return found if index else [tuple(weight.value for weight in self._origin), *found[1:]]
 
     def tell(self, numbers: Sequence[Sequence[float]], fitness: Sequence[float | None]) -> None:
-        """What the weightings of a round score; undefined F is worst, and only the order counts."""
+        """Report the scores of a round's weightings; undefined F is worst, and only the order counts."""
         keys = [rank(score) for score in fitness]
         points = [
             np.array([tuned.log_factor(value, weight) for value, weight in zip(own, self._origin, strict=True)])
@@ -73,10 +74,10 @@ def _moved(weight: Weight, steps: float) -> float:
 
 
 def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
-    """Have the store hold the text that is tuned, so that a run that goes on needs no file.
+    """Have the store hold the text that is tuned, so that a resumed run needs no file.
 
     Raises:
-        StoreError: when it holds another.
+        StoreError: when the store holds another text.
     """
     known = store.rewards.named()
     if known.get(ORIGINAL, origin.id) != origin.id:
@@ -88,9 +89,9 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
 
 
 def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
-    """Train rounds of weightings, race the best of them against the text as it came, and score the racers held out.
+    """Train rounds of weightings, race the best of them against the original text, and score the racers held out.
 
-    `best/` gets the better one of the text as it came and the winner among the others, by mean held-out F.
+    `best/` gets the original text or the winner among the others, whichever is better by mean held-out F.
 
     Returns:
         The policy in `best/`.
@@ -120,13 +121,13 @@ def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
 
 
 def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> PolicyId | None:
-    """Fit the numbers of what a search found, where it found a reward that has some.
+    """Fit the numbers of the reward that a search found, if it has any numbers; otherwise return None.
 
     Returns, Raises:
         EurekaError: as `tune` does.
     """
-    lanes = replace(lanes, ranks="played")  # with the search's own peaks: its winner is judged by one of these
-    if begun(lanes.store):  # what it trains may have changed who leads, where nobody is crowned
+    lanes = replace(lanes, ranks="played")  # the search's own peaks stay: its winner is judged by one of these
+    if begun(lanes.store):  # if no reward is crowned, the tuning's trainings may change which one leads
         return tune(lanes, checker)
     found = winner.sample if winner is not None else None
     if found is not None and found.candidate is not None and weights(found.candidate.source):
@@ -136,7 +137,7 @@ def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> Policy
 
 
 def begun(store: Store) -> bool:
-    """Whether the fitting has begun: what it trains must not decide which reward it is of."""
+    """Whether tuning has begun. From then on its trainings must not change which reward is tuned."""
     return ORIGINAL in store.rewards.named()
 
 
@@ -157,7 +158,7 @@ def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str
 
 
 def _programs(store: Store, candidates: Iterable[Candidate]) -> list[tuple[str, RewardProgram]]:
-    """What the accepted ones train under, by id."""
+    """Programs of the accepted candidates, by id."""
     return [(own.id, program) for own in candidates if (program := store.rewards.program(own.id)) is not None]
 
 
@@ -165,7 +166,7 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: b
     """Train and play the weightings of a round.
 
     Args:
-        over: the next round is proposed already: what this one scored is what that follows from.
+        over: whether this round's scores were used already, for the next round or the race: it need not play again.
     """
     lanes.tell(Began("train", round=index))
     results = lanes.train(deal(_programs(lanes.store, candidates), [lanes.config.seed], "tuned"))
@@ -177,8 +178,8 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: b
 def _scores(
     lanes: Lanes, candidates: Sequence[Candidate], origin: Candidate
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
-    """The numbers of weightings, and what each scored: None for one whose policy breaks a limit. One that a search cut
-    stands in the middle of the others, as it trained for less."""
+    """The numbers of weightings, and the score of each: None for one whose policy breaks a limit. A weighting that a
+    search cut gets the median of the others, as it trained for less."""
     ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.cost_limits
     kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not score.broken(limits)}
     lane = lane_id(origin.id, lanes.config.seed)
@@ -195,7 +196,7 @@ def _scores(
 
 
 def _race(lanes: Lanes) -> PolicyId | None:
-    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
+    """Train the leading weightings and the original text with fresh seeds, with more only while it is undecided."""
     config, store = lanes.config, lanes.store
     texts = store.rewards.texts()
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), tuning_seeds(config)
@@ -220,20 +221,20 @@ def _raced(lanes: Lanes, texts: tuned.Texts) -> list[str]:
 
 
 def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
-    """Names of the best weightings by played F, those first that keep the limits; without the text as it came."""
+    """Names of the best weightings by played F, those that keep the limits first; without the original text."""
     scores, limits = lanes.scores(), lanes.config.cost_limits
     others = {name: candidate for name, candidate in tuned.distinct(texts).items() if name != ORIGINAL}
     ids = {name: lane_id(candidate.id, lanes.config.seed) for name, candidate in others.items()}
     known = {name: scores[lane] for name, lane in ids.items() if lane in scores}
     best = sorted(known, key=lambda name: worth(known[name], limits), reverse=True)[:RIVALS]
-    return [name for name in texts if name in best]  # as `_raced` finds them again
+    return [name for name in texts if name in best]  # in the order in which `_raced` finds them again
 
 
 def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
-    """Score the final trainings on held-out episodes, and leave the better reward in `best/`. After a search, the text
-    as it came lies there already.
+    """Score the final trainings on held-out episodes, and put the better reward into `best/`. After a search, the
+    original text is there already.
 
-    Returns: its policy; None where that breaks a limit.
+    Returns: the policy in `best/`; None where it breaks a limit.
     """
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
