@@ -21,17 +21,18 @@ from ..parsing import short_path
 from .db import FILENAME, LOCK, LOG, STOP, explained
 
 MAX_FILE = 1 << 30
-"""Bytes of a file that are read; policies have some 10 MB."""
+"""Largest file that is read [bytes]; a policy has some 10 MB."""
 
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.tmp", re.DOTALL)
-"""What a file is called until it is whole."""
+"""Name of a file while it is being written."""
 
 
 def write(directory: Path, name: str, content: str | bytes) -> None:
     """Replace a file of the directory atomically and durably, making its folder when missing.
 
-    Several processes may write it, such as two reports: the last one counts. `sweep` deletes what a killed one left.
+    Several processes may write the same file, such as two reports: the last one wins. `sweep` deletes the temporary
+    file of a writer that was killed.
 
     Args:
         name: path below the directory, such as `best/reward.py`.
@@ -55,16 +56,16 @@ def write(directory: Path, name: str, content: str | bytes) -> None:
             with suppress(FileNotFoundError):
                 os.unlink(temporary, dir_fd=folder)
             raise
-        os.fsync(folder)  # the rename itself
+        os.fsync(folder)  # makes the rename durable
 
 
 def sweep(directory: Path) -> None:
-    """Delete what killed writers left. One at work has its file locked, and keeps it."""
+    """Delete the temporary files of killed writers. A writer at work holds a lock on its file, which stays."""
     for folder, _, files in os.walk(directory):
         for name in filter(_TEMPORARY.fullmatch, files):
             path = str((Path(folder) / name).relative_to(directory))
             with suppress(OSError, StoreError):
-                file = opened(directory, path, writable=True)  # NFS gives such a lock to nobody else
+                file = opened(directory, path, writable=True)  # NFS needs this for LOCK_EX
                 if file is not None:
                     with file:
                         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -72,7 +73,7 @@ def sweep(directory: Path) -> None:
 
 
 def read(directory: Path, name: str) -> bytes | None:
-    """The content of a file of the directory; None where there is none that is regular and of bearable size.
+    """The content of a file of the directory; None where there is no regular file, or one larger than `MAX_FILE`.
 
     Raises:
         StoreError: when it cannot be read.
@@ -99,7 +100,7 @@ def opened(directory: Path, name: str, *, writable: bool = False) -> BinaryIO | 
     place."""
     try:
         with _folder_of(directory, name) as (folder, last):
-            # A pipe would be waited for without O_NONBLOCK.
+            # Without O_NONBLOCK, opening a pipe would wait for its writer.
             mode = os.O_RDWR if writable else os.O_RDONLY
             descriptor = os.open(last, mode | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     except (StoreError, FileNotFoundError, NotADirectoryError):
@@ -115,11 +116,11 @@ def opened(directory: Path, name: str, *, writable: bool = False) -> BinaryIO | 
 
 
 def appended(directory: Path, name: str) -> BinaryIO:
-    """A file of the directory to write at its end; made when missing.
+    """A file of the directory, opened for appending; made when missing.
 
     Raises:
         StoreError: where a pipe or the like has its name.
-        OSError: what else is wrong, also where a link has its name.
+        OSError: for any other failure, such as a link with its name.
     """
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     descriptor = os.open(directory / name, flags, 0o666)
@@ -130,7 +131,7 @@ def appended(directory: Path, name: str) -> BinaryIO:
 
 
 def names(directory: Path, name: str) -> list[str]:
-    """What a folder of the directory holds, in order, without what is being written; nothing where there is no such
+    """The names in a folder of the directory, sorted, without files that are being written; none where there is no such
     folder, or a link in its place."""
     try:
         with _folder_of(directory, f"{name}/-") as (folder, _):
@@ -140,13 +141,13 @@ def names(directory: Path, name: str) -> list[str]:
 
 
 def remove(directory: Path, name: str) -> None:
-    """Delete a file of the directory, or the link in its place. Raises StoreError when that cannot be."""
+    """Delete a file of the directory, or the link in its place. Raises StoreError when that fails."""
     with explained(directory), suppress(FileNotFoundError), _folder_of(directory, name) as (folder, last):
         os.unlink(last, dir_fd=folder)
 
 
 def expect_regular(directory: Path, *names: str) -> None:
-    """For files that others open by their path. Raises StoreError where one is anything but a regular file."""
+    """Check files that libraries open by their path. Raises StoreError where one exists and is not a regular file."""
     for name in names:
         with explained(directory), suppress(FileNotFoundError):
             if not stat.S_ISREG(os.lstat(directory / name).st_mode):
@@ -154,7 +155,7 @@ def expect_regular(directory: Path, *names: str) -> None:
 
 
 def expect_room(directory: Path) -> None:
-    """Raises StoreError where there can be no run, begun or new: in a file, or among other things."""
+    """Raises StoreError where the directory holds no run and cannot become one: it is a file, or holds other things."""
     place = next(path for path in (directory, *directory.absolute().parents) if path.exists())
     if not place.is_dir():
         raise StoreError(f"{short_path(place)} is a file, and a run is a directory; choose another dir=.")
@@ -163,7 +164,7 @@ def expect_room(directory: Path) -> None:
 
 
 def is_foreign(directory: Path) -> bool:
-    """Whether the directory holds anything besides what a run killed at its very start leaves."""
+    """Whether the directory holds anything but the files of a run that was killed at its very start."""
     with explained(directory):
         own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
@@ -187,7 +188,7 @@ def _folder_of(directory: Path, name: str, *, make: bool = False) -> Generator[t
             if make:
                 with suppress(FileExistsError):
                     os.mkdir(part, dir_fd=folder)
-                    os.fsync(folder)  # else a power cut may leave the row and take the folder of its file
+                    os.fsync(folder)  # else a power cut may lose the folder of a file whose row survives
             try:
                 inner = os.open(part, _FOLDER | os.O_NOFOLLOW, dir_fd=folder)
             except OSError as error:

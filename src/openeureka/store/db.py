@@ -1,8 +1,8 @@
 """The run's SQLite file: rows in, rows out.
 
-The file may come from anybody. Its schema must be, to the letter, what the migrations make, so that no trigger and no
-view of somebody else's runs. A value of another type than its column's, or a name that could lead out of the directory,
-is a row that was changed.
+The file may come from anybody. Its schema must be, to the letter, what the migrations make, so that no foreign trigger
+or view runs. A row counts as changed where a value is not of its column's type, or a name could lead out of the
+directory.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ T = TypeVar("T")
 FILENAME = "run.sqlite"
 LOCK = "run.lock"
 LOG = "run.log"
-"""How a run goes, in lines."""
+"""The log of a run, for people."""
 NOW = "run.now.json"
 """What a run is doing, while it is at work."""
 SUMMARY = "run.summary.json"
-"""How a run stands, for lists."""
+"""How far a run has come, for lists of runs."""
 STOP = "run.stop"
-"""There while somebody wants the run to stop."""
+"""Exists while the run is asked to stop."""
 AGAIN = "start it again with the same `eureka run` command."
 
 MAX_VALUE = 64 << 20
-"""Bytes of one value of a row."""
+"""Largest value in a row [bytes]."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 _NAMES = {"lane", "candidate", "start_lane"}
 """Columns whose values become names of files."""
 _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
 _WORDS = re.compile(r"""--[^\n\0]*|'(?:[^']|'')*'|"(?:[^"]|"")*"|\w+|[^ \t\n\f\r]""")
-"""Of SQL, with what SQLite itself takes for space: others, such as U+00A0, are letters to it."""
+"""Tokens of SQL. Only what SQLite takes for white space separates them: to it U+00A0, for example, is a letter."""
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _FINISHED = """
@@ -121,9 +121,9 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
 
 
 def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
-    """Transactions are left to `Database`, so that each one is visible where it matters.
+    """Connect in autocommit mode: `Database` begins and ends each transaction where a reader of the code sees it.
 
-    People's remarks come from other processes: a writer waits until the other one has committed.
+    Other processes write people's remarks, so a writer waits up to 30 s for another one to commit.
     """
     path = directory / FILENAME
     for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
@@ -132,7 +132,8 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
                 f"{short_path(file)} is a link, or no regular file: a run has none; delete it, or choose another dir=."
             )
     if not writable and not os.access(directory, os.W_OK):
-        # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
+        # A reader of a file in WAL mode makes its index beside it. Where that is not allowed, nobody writes either, so
+        # the file may be opened as immutable.
         waiting, index = (path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm"))
         if not waiting.exists():
             return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
@@ -146,8 +147,8 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
 
 @cache
 def _layout(scripts: tuple[str, ...]) -> tuple[set[tuple[str, str]], dict[str, list[tuple[str, str, bool]]]]:
-    """What a file holds that these scripts made: tables and triggers as SQL by name; of each table the columns, their
-    types and whether they may be NULL."""
+    """The schema that these scripts make: tables and triggers as pairs of name and SQL; and for each table its columns,
+    with their types and whether they may be NULL."""
     with closing(sqlite3.connect(":memory:")) as model:
         for script in scripts:
             model.executescript(script)
@@ -161,13 +162,13 @@ def _layout(scripts: tuple[str, ...]) -> tuple[set[tuple[str, str]], dict[str, l
 
 
 def _objects(connection: sqlite3.Connection) -> set[tuple[str, str]]:
-    """Everything in the schema that SQL made: a name may begin like SQLite's own."""
+    """Everything in the schema that SQL made. Names are no filter: a hostile one may begin like SQLite's own."""
     found = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL")
     return {(str(name), _plain(str(sql))) for name, sql in found}
 
 
 def _statements(script: str) -> Iterator[str]:
-    """Those of a script, one by one: `executescript` would end the transaction that it is called in."""
+    """The statements of a script, one by one: `executescript` would end the transaction that it is called in."""
     statement = ""
     for line in script.splitlines(keepends=True):
         statement += line
@@ -178,33 +179,34 @@ def _statements(script: str) -> Iterator[str]:
 
 @lru_cache(256)
 def _plain(sql: str) -> str:
-    """What SQLite reads of it. A comment ends where its line does: one that goes on would hide what follows.
+    """SQL as SQLite reads it, without comments and extra space. A comment ends with its line: a longer one would hide
+    the lines that follow.
 
-    Cached, as nearly every file has the same tables.
+    Cached, because nearly every file has the same tables.
     """
     return " ".join(word for word in _WORDS.findall(sql) if not word.startswith("--"))
 
 
 def at_work(directory: Path) -> StoreError:
-    """For a run that another process has."""
+    """The error for a run that another process works on."""
     stop = command_line("stop", directory)
     return StoreError(f"Another process is working on {short_path(directory)}; wait for it, or stop it with: {stop}")
 
 
 def changed_row(directory: Path, why: object) -> StoreError:
-    """For a row that no run has written."""
+    """The error for a row that no run has written."""
     what = f"{short_path(directory / FILENAME)} holds a row that was changed ({why!s:.80})"
     return StoreError(f"{what}; restore the file from a copy or choose another dir=.")
 
 
 class Database:
-    """Rows in, rows out. Values are plain; NaN becomes NULL, as SQLite has it.
+    """Rows in, rows out. Values are plain; SQLite stores NaN as NULL.
 
     Args:
-        migrate: whether a file of an older version is brought up to date; only who holds the run's lock may.
+        migrate: whether a file of an older version is brought up to date; only the holder of the run's lock may do so.
 
     Raises:
-        StoreError: see `explained`; also for a schema newer than this program, or too old for it.
+        StoreError: see `explained`; also for a schema that is newer than this program, or too old for it.
     """
 
     def __init__(self, directory: Path, *, writable: bool, migrate: bool = True) -> None:
@@ -255,7 +257,7 @@ class Database:
             self._migrate()
 
     def _to_memory(self) -> None:
-        """Go on with a copy: an older file is for those to read who may not change it."""
+        """Continue with a copy in memory: a reader must not change the file that it reads, not even to migrate it."""
         with closing(self._connection) as file:
             self._connection = sqlite3.connect(":memory:", isolation_level=None)
             self._connection.row_factory = sqlite3.Row
@@ -265,7 +267,7 @@ class Database:
         return self._connection.execute("PRAGMA user_version").fetchone()[0]
 
     def _migrate(self) -> None:
-        """All or none: a new file whose process was killed here must not pass for one that is too old."""
+        """Run the missing scripts, all or none: a new file whose process is killed here must not seem to be too old."""
         if self._schema() == max(MIGRATIONS):
             return
         self._connection.execute("BEGIN IMMEDIATE")
@@ -315,20 +317,21 @@ class Database:
         return found[0] if found else None
 
     def decoded(self, decode: Callable[..., T], *values: object) -> T:
-        """What values of a row stand for. Raises StoreError where they stand for nothing."""
+        """Decode values of a row. Raises StoreError where they cannot be decoded."""
         try:
             return decode(*values)
         except (DecodeError, KeyError, TypeError) as error:
             raise changed_row(self.directory, error) from None
 
     def finished(self) -> set[str]:
-        """Lanes of all that may lead the run."""
+        """Ids of the lanes that may lead the run: those of candidates that nobody rejected in finished generations, of
+        given rewards and, in a run without a search, of weightings."""
         with explained(self.directory):
             return {row["lane"] for row in self._connection.execute(f"{_FINISHED} SELECT lane FROM finished")}
 
     @contextmanager
     def moment(self) -> Generator[None]:
-        """All that is read meanwhile is of one moment, whatever another process adds."""
+        """Within it all reads see the rows of one moment, whatever another process adds."""
         with explained(self.directory):
             self._connection.execute("BEGIN")
         try:

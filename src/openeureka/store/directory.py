@@ -1,4 +1,4 @@
-"""Run directories from outside: a name for a new one, what one holds, whether it is at work, a word to it, its end."""
+"""Run directories from outside: to name a new one, read what one holds, say something to a run at work, and stop it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .hold import is_held
 from .store import Store, expect_same
 
 OUTPUTS = Path("outputs")
-"""Where they go."""
+"""The folder of new run directories."""
 _NEW = set[Path]()
-"""Those that were made for a run to begin in."""
+"""Directories that `output_directory` has made, until `swept` is left."""
 
 
 def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS) -> Path:
-    """The chosen directory, or a new one, `<root>/<time>_<kind><env>`, which no other process gets: as a whole path, as
-    a program may leave its working directory while the run goes on.
+    """The chosen directory, or a new one, `<root>/<time>_<kind><env>`, which no other process gets.
 
-    The new one is made, as that takes the name. Where no run begins in it, `swept` removes it.
+    The path is absolute, because a program may change its working directory while the run goes on. A new directory is
+    made at once, to reserve its name. Where no run begins in it, `swept` removes it.
 
     Raises:
         StoreError: when it cannot be made.
@@ -52,18 +52,18 @@ def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS
 
 @contextmanager
 def swept(directory: Path) -> Generator[None]:
-    """Leave nothing of a directory that was made for a run which did not begin, as where a setting was refused."""
+    """Afterwards remove a new directory in which no run began, as where a setting was refused."""
     try:
         yield
     finally:
         if directory in _NEW:
             _NEW.remove(directory)
-            with suppress(OSError):  # as where it holds the run
+            with suppress(OSError):  # not empty: the run began
                 directory.rmdir()
                 directory.parent.rmdir()
 
 
-# --- what one holds --------------------------------------------------------------------------------------------------
+# --- what a directory holds ------------------------------------------------------------------------------------------
 
 
 def read_config(directory: Path | str) -> RunConfig:
@@ -84,20 +84,20 @@ def look(directory: Path | str) -> tuple[RunConfig, Glance]:
 def read_replies(directory: Path | str) -> tuple[Reply, ...]:
     """Every reply of a run in the order in which the same search asks for them, for `model=replay:DIR`.
 
-    A replaying run that is itself resumed skips as many as its own store already holds.
+    A replaying run that is itself resumed skips as many replies as its own store already holds.
     """
     with Store.view(directory) as store:
         return store.talk.replies()
 
 
 def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
-    """What a person said of a run, by the generation after which it was heard, for `model=replay:DIR`."""
+    """The remarks on a run, by the generation after which they were heard, for `model=replay:DIR`."""
     with Store.view(directory) as store:
         return {generation.index: generation.remarks for generation in store.history().generations}
 
 
 def expect_files(store: Store) -> None:
-    """Refuse a run of which the rows alone are here: what its trainings left lies in files beside them. Raises
+    """Refuse a directory that holds only the rows of a run, without the files that its trainings left. Raises
     StoreError."""
     lanes = store.lanes.results()
     if lanes and not any(artifacts.exists(store.directory, f"lanes/{lane}/curves.json") for lane in lanes):
@@ -108,12 +108,12 @@ def expect_files(store: Store) -> None:
 
 
 def is_run(directory: Path | str) -> bool:
-    """Whether the directory has the file of a run, begun or not; not where nobody may look."""
+    """Whether the directory has the file of a run, begun or not; False where it may not be read."""
     return os.path.isfile(Path(directory) / FILENAME)
 
 
 def has_begun(directory: Path | str) -> bool:
-    """Whether there is a run to go on with: its settings are kept. Raises StoreError when they cannot be read."""
+    """Whether there is a run to continue: its settings are stored. Raises StoreError when they cannot be read."""
     try:
         read_config(directory)
     except NotBegun:
@@ -122,7 +122,7 @@ def has_begun(directory: Path | str) -> bool:
 
 
 def expect_free(directory: Path, config: RunConfig) -> None:
-    """Refuse what `Store.open` would, before anything is tried or told. Raises StoreError."""
+    """Refuse what `Store.open` would refuse, before anything is tried or told. Raises StoreError."""
     artifacts.expect_room(directory)
     if is_held(directory):
         raise at_work(directory)
@@ -130,15 +130,15 @@ def expect_free(directory: Path, config: RunConfig) -> None:
         expect_same(directory, read_config(directory), config)
 
 
-# --- a word to one that is at work -----------------------------------------------------------------------------------
+# --- remarks to a run at work ----------------------------------------------------------------------------------------
 
 
 def say(directory: Path | str, *remarks: Remark) -> None:
     """Commit remarks, all or none, for the next generation that the run asks for.
 
     Raises:
-        FeedbackError: when the run waits for no person, repeats what was said in another, is over, or has no such
-            trained candidate, or only a rejected one as the favourite; for `go` before there is something to judge.
+        FeedbackError: when the run waits for no person, replays another run, or has asked for its last generation; for
+            a candidate that did not train, a favourite that was vetoed, and `go` before there are policies to judge.
         StoreError: when there is no run.
     """
     with Store.view(directory) as store:
@@ -159,14 +159,14 @@ def say(directory: Path | str, *remarks: Remark) -> None:
 
 
 def awaits_go(store: Store) -> bool:
-    """Whether the last trained generation is one to judge that nothing was made of yet. A `go` said earlier would end
-    the wait for one that nobody has watched."""
+    """Whether the last trained generation is still to be judged. A `go` that is said earlier would end the wait for a
+    generation that nobody has watched."""
     trained = store.glance().generations
     return 0 < trained <= store.config.hearings and store.remarks.heard(trained - 1) is None
 
 
 def check(store: Store, remarks: Iterable[Remark]) -> None:
-    """Refuse what the run would not hear or could not follow. Raises FeedbackError."""
+    """Refuse remarks that the run would not hear or could not follow. Raises FeedbackError."""
     config = store.config
     if config.feedback != "human":
         raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
@@ -180,7 +180,7 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
 
 
 def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
-    """Refuse a favourite whose program was vetoed: it would be kept, and never be a parent. Raises FeedbackError."""
+    """Refuse a favourite whose program was vetoed: it would never become a parent. Raises FeedbackError."""
     programs: dict[Place | None, CandidateId] = {
         entry.sample.place: entry.candidate_id for entry in store.history().entries
     }
@@ -195,11 +195,11 @@ def _known(trained: set[Place]) -> str:
     return f"there are {', '.join(map(str, sorted(trained)))}" if trained else "there is none yet"
 
 
-# --- its end: asked for by a file, which also reaches a process on another machine -----------------------------------
+# --- requests to stop, by a file, which also reaches a process on another machine ------------------------------------
 
 
 def ask_to_stop(directory: Path | str) -> None:
-    """Ask the process that works on a run to stop as by Ctrl-C; it hears of it within a second.
+    """Ask the process that works on a run to stop as by Ctrl-C; it notices within a second.
 
     Raises:
         StoreError: when there is no run, or nobody works on it.
@@ -218,6 +218,6 @@ def is_asked_to_stop(directory: Path) -> bool:
 
 
 def withdraw(directory: Path) -> None:
-    """Forget a request: it was followed, or came when nobody worked on the run any more."""
+    """Delete a request to stop: it was followed, or came when no process worked on the run any more."""
     with explained(directory):
         (directory / STOP).unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from .rows import decode_digest, digest
 
 
 class Folders:
-    """Copies of policies that lanes left; what a folder holds changes as better ones come."""
+    """Copies of policies that lanes left. A folder is filled anew when a better policy comes."""
 
     def __init__(self, database: Database, lanes: LaneLog) -> None:
         self._database = database
@@ -21,8 +21,8 @@ class Folders:
     def fill(self, folder: str, policy: PolicyId) -> None:
         """Put a copy of a lane's policy into a folder.
 
-        What was made of another policy there (its video, its ONNX file) goes before the policy does: a file in the
-        folder is missing or fits, whatever the clock says that dates them.
+        Files that were made from the folder's previous policy (its video, its ONNX file) are deleted before the policy
+        is replaced. So each file there is missing or belongs to the policy; nothing depends on file times.
         """
         data, kept = self._lanes.policy(*policy), f"{folder}/policy.safetensors"
         if data is None or artifacts.read(self._database.directory, kept) == data:
@@ -37,7 +37,8 @@ class Folders:
                 artifacts.remove(self._database.directory, f"{folder}/{name}")
 
     def held(self, folder: str) -> list[PolicyId]:
-        """Whose policy a folder holds a copy of: several where lanes are equal, as after their first epoch."""
+        """The policies that a folder holds a copy of: several where policies are equal byte for byte, as those of lanes
+        of one seed at their first epoch."""
         data = artifacts.read(self._database.directory, f"{folder}/policy.safetensors")
         if data is None:
             return []

@@ -1,4 +1,4 @@
-"""Who works on a run: one process at a time, and on which machine."""
+"""The lock of a run: one process at a time works on it, and the lock file names its machine."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from . import artifacts
 from .db import LOCK, at_work, explained
 
 LOOK_TIME = 0.5
-"""[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
+"""[s] to wait for the lock: `is_held` takes it for microseconds, only to see whether the run is at work."""
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-"""Names the kernel that runs: containers of one machine share it, and its memory, whatever they call themselves."""
+"""Identifies the running kernel. Containers of one machine share it and its memory, whatever their host names."""
 
 
 def hold(directory: Path) -> FileLock:
-    """The lock of a run, whose directory is made, taken; its file says by which machine.
+    """Make the directory of a run where it is missing, take its lock, and name this machine in the lock file.
 
     Raises:
-        StoreError: when another process has it, or the file system has no locks.
+        StoreError: when another process holds the lock, or the file system has no locks.
     """
     artifacts.expect_regular(directory, LOCK)
     with explained(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        # A lock of another kind, which filelock would fall back to, outlives a process that is killed.
+        # filelock would fall back to a soft lock, which outlives a process that is killed.
         lock = FileLock(directory / LOCK, timeout=LOOK_TIME, fallback_to_soft=False)
         try:
             lock.acquire()
@@ -56,18 +56,18 @@ def is_held(directory: Path | str) -> bool:
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError):  # some file systems say the latter
+        except (BlockingIOError, PermissionError):  # some file systems raise the latter
             return True
-        except OSError:  # without locks, where no run can be at work
+        except OSError:  # a file system without locks, where no run can be at work
             return False
     return False
 
 
 def expect_near(directory: Path) -> None:
-    """Refuse to open the rows of a run that is at work on another machine, which shares the disk.
+    """Refuse to open the rows of a run that another machine, which shares the disk, is working on.
 
-    SQLite keeps the index of its log in memory that processes of one machine share: from another, rows would seem to be
-    missing or damaged, and what is written could damage them. Raises StoreError.
+    SQLite keeps the index of its log in memory that only processes of one machine share. From another machine rows
+    would seem to be missing or damaged, and a write could damage them. Raises StoreError.
     """
     with suppress(OSError):
         file = artifacts.opened(directory, LOCK)
@@ -84,7 +84,7 @@ def expect_near(directory: Path) -> None:
 
 
 def _boot() -> str:
-    """Empty where it is hidden, as by systemd's ProcSubset=pid."""
+    """The boot id of the kernel; empty where /proc hides it, as with systemd's ProcSubset=pid."""
     with suppress(OSError):
         return _BOOT.read_text().strip()
     return ""

@@ -1,4 +1,4 @@
-"""Every lane of a run: what trained, and what came of it, also of a stage of it."""
+"""The lanes of a run: their results, scores and policies, and the stages of a curriculum."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .rows import (
 
 
 class LaneLog:
-    """Lanes of a store, each written when it begins; results, scores and policies when they are there."""
+    """The lanes of a store. A lane is written when it begins; its result, scores and policies follow as they come."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -37,7 +37,7 @@ class LaneLog:
         return self._database.directory
 
     def add(self, lanes: Iterable[Lane]) -> None:
-        """Keep what is about to train, where the run does not know it yet."""
+        """Store the lanes that are about to train, except those that are stored already."""
         known = self.all()
         fresh = {lane.id: lane for lane in lanes if lane.id not in known}
         self._database.put("lanes", *map(encode_lane, fresh.values()))
@@ -48,18 +48,18 @@ class LaneLog:
         return {row["lane"]: self._database.decoded(decode_lane, row) for row in rows}
 
     def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
-        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
+        """Store the ranges that lanes draw their worlds from, by name, except names that are stored already."""
         known = self.ranges()
         fresh = {name: own for name, own in ranges.items() if name not in known}
         self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
 
     def ranges(self) -> dict[str, Ranges]:
-        """What `save_ranges` kept, in its order."""
+        """The stored ranges by name, in the order in which they were saved."""
         rows = self._database.rows("ranges")
         return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
 
     def save_results(self, results: Iterable[TrainingResult]) -> None:
-        """Keep what lanes found that trained as one: all or none of them."""
+        """Store the results of lanes that share one training: all or none of them."""
         rows: list[dict[str, object]] = []
         for result in results:
             folder = f"lanes/{result.lane}"
@@ -71,12 +71,12 @@ class LaneLog:
         self._database.put("results", *rows)
 
     def result(self, lane: str) -> TrainingResult | None:
-        """The stored result, its checkpoints without policies: `policy` reads those."""
+        """The stored result. Its checkpoints hold no policies; `policy` reads those."""
         row = self._database.row("results", lane=lane)
         return self._database.decoded(decode_result, lane, row["result"]) if row is not None else None
 
     def results(self) -> dict[str, TrainingResult]:
-        """By lane, as `result` has them."""
+        """Every stored result by lane id, as `result` returns it."""
         rows = self._database.rows("results")
         return {row["lane"]: self._database.decoded(decode_result, row["lane"], row["result"]) for row in rows}
 
@@ -84,7 +84,7 @@ class LaneLog:
         """One of the lane's policies (safetensors); None when it never had that one.
 
         Raises:
-            StoreError: when its file is not the one that was written.
+            StoreError: when its file is missing or is not what was written.
         """
         row = self._database.row("results", lane=lane)
         wanted = self._database.decoded(decode_digest, row["result"], peak) if row is not None else None
@@ -98,15 +98,15 @@ class LaneLog:
         return found
 
     def has_policy(self, lane: str, peak: Peak) -> bool:
-        """Whether the file of one of the lane's policies is there: not where the rows alone were copied."""
+        """Whether the file of one of the lane's policies exists. It does not where only the rows were copied."""
         return artifacts.exists(self._directory, _policy_file(lane, peak))
 
     def save_best_policy(self, policy: PolicyId) -> None:
-        """Keep which policy is the best of all, judged as it is."""
+        """Store which policy of the run is the best, whatever it was trained with."""
         self._database.put("best_policy", {"id": 1, **policy._asdict()})
 
     def best_policy(self) -> PolicyId | None:
-        """The best policy, whatever made it; None before it is judged, and where none was carried on."""
+        """The best policy, whatever it was trained with; None before it is judged, and in runs without `polish=`."""
         row = self._database.row("best_policy")
         return self._database.decoded(shaped, PolicyId, (row["lane"], row["peak"])) if row is not None else None
 
@@ -120,8 +120,11 @@ class LaneLog:
         return self._database.decoded(decode_evaluation, row)
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
-        """Keep what policies of lanes scored when they were played to choose by, the first time or again, and recorded
-        episodes."""
+        """Store the scores that lanes are ranked by, and the recorded episodes.
+
+        Args:
+            look: 0 where the policies played for the first time, 1 where they played again.
+        """
         scores = list(scores)
         for score in scores:
             if score.recorded is not None:
@@ -131,7 +134,7 @@ class LaneLog:
         self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
 
     def plays(self) -> dict[str, dict[Peak, tuple[Evaluation, ...]]]:
-        """Scores by lane id and policy, a look after the other."""
+        """The scores that lanes are ranked by, by lane id and policy, in the order of the looks."""
         found: dict[str, dict[Peak, tuple[Evaluation, ...]]] = {}
         for row in self._database.rows("plays", order=("look", "rowid")):
             score = dict(row)
@@ -141,7 +144,7 @@ class LaneLog:
         return found
 
     def episodes(self, lane: str) -> Episodes | None:
-        """The recorded ones of a lane; None where there are none, or their file is damaged."""
+        """The recorded episodes of a lane; None where there are none, or their file is damaged."""
         data = artifacts.read(self._directory, _episodes(lane))
         try:
             frame = unframed(data or b"")
@@ -151,12 +154,12 @@ class LaneLog:
         return found if len(found.fitness) == len(found.steps) else None
 
     def save_rung(self, rung: int, standings: Iterable[Standing]) -> None:
-        """Keep how lanes stood where they paused, all of them at once: who goes on is decided among them."""
+        """Store the standings of lanes that paused, all at once: they are compared to decide which lanes train on."""
         rows = ({"rung": rung, "went_on": s.went_on} | encode_evaluation(s.played) for s in standings)
         self._database.put("rungs", *rows)
 
     def rungs(self) -> dict[str, dict[int, Standing]]:
-        """How each lane stood, by lane id and rung."""
+        """The standing of each lane, by lane id and rung."""
         found: dict[str, dict[int, Standing]] = {}
         for row in self._database.rows("rungs", order=("rung", "rowid")):
             score = dict(row)
@@ -165,12 +168,13 @@ class LaneLog:
         return found
 
     def pause(self, rung: int, result: TrainingResult) -> None:
-        """Keep a lane that paused, with all that it goes on from, in place of what it left at an earlier rung."""
+        """Store the state of a lane that paused, to continue from. It replaces the state of an earlier rung."""
         data = framed({"rung": rung, "result": defined(result.holding({}))}, result.blobs)
         artifacts.write(self._directory, _paused(result.lane), data)
 
     def paused(self, rung: int, lane: str) -> TrainingResult | None:
-        """What `pause` kept; None where the lane is not at this rung, or its file is damaged: then it begins anew."""
+        """What `pause` stored. None where the lane did not pause at this rung, or its file is damaged: the lane then
+        begins anew."""
         data = artifacts.read(self._directory, _paused(lane))
         try:
             frame = unframed(data or b"")
@@ -182,13 +186,13 @@ class LaneLog:
         return result.holding(frame.blobs)
 
     def forget(self, lane: str) -> None:
-        """The lane has its result: nobody goes on from where it paused."""
+        """Delete the paused state of a lane, which nothing needs once the lane has its result."""
         if artifacts.exists(self._directory, _paused(lane)):
             artifacts.remove(self._directory, _paused(lane))
 
     def save_tryout(self, name: str, evaluation: Evaluation) -> None:
         """Keep what a lane's policy scored in the tryout `name` (see `method.hacking.tryouts`)."""
-        # Files keep the name that the table had: another one would be another schema.
+        # The table keeps its old name, `trials`: to rename it would take a new schema.
         self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
 
     def tryouts(self) -> dict[str, dict[str, Evaluation]]:
@@ -210,10 +214,10 @@ def _episodes(lane: str) -> str:
 
 
 class StageFiles:
-    """Remembers stages as `lanes/<lane>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
+    """Finished stages of a curriculum: `lanes/<lane>/stage<number>.json` and, where the lane goes on, its last policy.
 
-    The policy comes first: a stage whose JSON is there is whole. One that cannot be read is not finished, nor is one
-    whose policy is not the one that was written.
+    The policy is written first, so a stage whose JSON exists is complete. A stage counts as unfinished where its JSON
+    cannot be read or its policy is not what was written.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -225,7 +229,7 @@ class StageFiles:
         artifacts.write(self._directory, self._name(stage, result.lane, "json"), encode_result(result))
 
     def read(self, stage: int, lane: str) -> TrainingResult | None:
-        """The result with its last policy, the others empty; None when the stage was not finished."""
+        """The stage's result with the last policy; its other policies are empty. None when the stage is unfinished."""
         text = artifacts.read(self._directory, self._name(stage, lane, "json"))
         if text is None:
             return None

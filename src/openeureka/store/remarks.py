@@ -1,4 +1,4 @@
-"""What a person says of a run: how it is written in words, and which generation has heard it."""
+"""A person's remarks on a run: how they are written, and which generation has heard them."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ class RemarkLog:
         self._database = database
 
     def say(self, *remarks: Remark) -> None:
-        """Commit what a person said, all or none; it counts for the generation that is asked for next."""
+        """Commit remarks, all or none; they count for the generation that is asked for next."""
         self._database.put("remarks", *map(encode_remark, remarks))
 
     def all(self) -> tuple[Remark, ...]:
-        """What was said, heard or not."""
+        """All remarks, heard or not."""
         return self._between(0)
 
     def unheard(self) -> tuple[Remark, ...]:
-        """What was said and entered no history yet."""
+        """The remarks that no generation has heard yet."""
         return self._between(self._last_heard())
 
     def hear(self, generation: int) -> tuple[Remark, ...]:
-        """Close the remarks on a generation: what is unheard is part of its history from now on, later ones are not."""
+        """Close the remarks on a generation, and return them: those unheard so far are part of its history from now on,
+        later ones are not."""
         rows = self._database.rows("remarks", order=("id",))
         self._database.put("heard", {"generation": generation, "remarks": rows[-1]["id"] if rows else 0})
         remarks = self.heard(generation)
@@ -44,7 +45,7 @@ class RemarkLog:
         return remarks
 
     def heard(self, generation: int) -> tuple[Remark, ...] | None:
-        """What a person said after a generation; None when it may still be added to."""
+        """The remarks that were made after a generation; None while more may be added."""
         row = self._database.row("heard", generation=generation)
         return self._between(self._last_heard(before=generation), row["remarks"]) if row is not None else None
 
@@ -63,14 +64,14 @@ class RemarkLog:
 
 
 def typed(line: str) -> list[Remark]:
-    """The remarks of one line, as `spoken` has those of its words; an empty line is `go`. Raises FeedbackError."""
+    """The remarks of a typed line, whose words are read as in `spoken`; an empty line is `go`. Raises FeedbackError."""
     words = [match["quoted"] if match[1] else match[0] for match in _WORD.finditer(line)]
     return spoken(words or ["go"])
 
 
 def spoken(words: Sequence[str]) -> list[Remark]:
-    """The remarks of a command line: marks, each word with a blank (it was quoted), all others as one sentence, and
-    `go` where they end so. Raises FeedbackError."""
+    """The remarks of a command line, in this order: every mark, every word that contains a blank (it was quoted), all
+    other words together as one sentence, and `go` where it is the last word. Raises FeedbackError."""
     words = [word for word in map(str.strip, words) if word]
     last = [words.pop()] if words and _is_go(words[-1]) else []
     marks = [word for word in words if _MARK.fullmatch(word)]
@@ -83,16 +84,16 @@ def spoken(words: Sequence[str]) -> list[Remark]:
 
 
 def is_marked(line: str) -> bool:
-    """Whether a line is more than words: it is `go`, or holds a mark or what was meant for one."""
+    """Whether a line is more than words for the model: it is `go`, or holds a mark, perhaps a misspelt one."""
     settings = filter(None, map(_SETTING.match, line.split()))
     return _is_go(line.strip()) or any(nearest(setting[1].lower(), _MARKS) for setting in settings)
 
 
 def remark(word: str) -> Remark:
-    """`go`, `favourite=g0s3`, `veto=g0s1`, `vote=g0s3:g0s1`, and everything else are words for the model.
+    """The remark that a word is: `go`, `favourite=g0s3`, `veto=g0s1` or `vote=g0s3:g0s1`; all else is for the model.
 
     Raises:
-        FeedbackError: for a mark that names no candidate, and for what looks like a mark and is none.
+        FeedbackError: for a mark that names no candidate, and for a word that looks like a mark but is none.
     """
     if _is_go(word):
         return Remark(kind=RemarkKind.GO)
@@ -103,7 +104,7 @@ def remark(word: str) -> Remark:
     kind, named = RemarkKind(mark[1].replace("favorite", "favourite")), mark[2]
     if kind is not RemarkKind.VOTE:
         return Remark(kind=kind, place=_place(named, word))
-    better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
+    better, _, worse = named.replace(">", ":").partition(":")  # people write : because the shell takes an unquoted >
     if not (better and worse):
         raise FeedbackError(
             f"`{word}` does not name two candidates; a vote does, the better one first: vote=g0s3:g0s1."
@@ -118,8 +119,12 @@ def _is_go(word: str) -> bool:
 
 
 def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
-    """What was meant for the run must not silently become words for the model; a setting among others may be meant for
-    the model, unless it is nearly a mark."""
+    """Raises FeedbackError for a misspelt mark: it must not silently become words for the model.
+
+    Args:
+        alone: whether the word stands alone. A setting among other words may be meant for the model, unless it is
+            nearly a mark.
+    """
     setting = _SETTING.match(word)
     if setting is None:
         return

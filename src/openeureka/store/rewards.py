@@ -1,4 +1,4 @@
-"""The rewards of a run: their programs, what was found in them, and what they are called."""
+"""The rewards of a run: their programs, verdicts and names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .rows import decode_messages, decode_verdict, encode_messages
 
 
 class RewardLog:
-    """Programs of a store with their verdicts, which replies hold them, and names of those that no model wrote."""
+    """Reward programs with their verdicts, which replies hold them, and the names of rewards that no model wrote."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -20,7 +20,7 @@ class RewardLog:
     def save_attempt(
         self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
     ) -> None:
-        """Keep which program a reply holds, once it is judged, and what a repair showed beyond the slot's prompt."""
+        """Store which program a reply holds, once that is judged, and what a repair showed beyond the slot's prompt."""
         place = {"generation": generation, "attempt": attempt, "slot": slot}
         if self._database.row("attempts", **place) is None:
             shown = encode_messages(repair) if repair else None
@@ -50,21 +50,21 @@ class RewardLog:
         return self._database.decoded(decode_verdict, row["verdict"]) if row is not None else None
 
     def save_named(self, rewards: Mapping[str, CandidateId | None]) -> None:
-        """Keep what rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
+        """Store the names of rewards; `human` and `sparse`, which come with the task, are no candidates."""
         self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
 
     def named(self) -> dict[str, CandidateId | None]:
-        """Rewards that no model wrote, by name, in the order in which they came: those that a person gave, and other
-        weightings of one."""
+        """Rewards that no model wrote, by name, in the order in which they were stored: those that a person gave, and
+        weightings of one that tuning made."""
         return {row["name"]: row["candidate"] for row in self._database.rows("given")}
 
     def texts(self) -> dict[str, Candidate]:
-        """Their programs, of those that have one."""
+        """The programs of the named rewards that have one."""
         found = {name: self.candidate(own) for name, own in self.named().items()}
         return {name: candidate for name, candidate in found.items() if candidate is not None}
 
     def program(self, reward: str) -> RewardProgram | None:
-        """What a reward trains under, by its id or its name; None for one that was refused."""
+        """The program of a reward, by its id or its name, as it trains; None for one that was refused."""
         name = self.named().get(reward) or reward
         verdict = self.verdict(name)
         own = name if name in OWN_REWARDS else None

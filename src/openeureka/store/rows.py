@@ -1,4 +1,4 @@
-"""What rows hold that nouns do not: digests of policies instead of policies, columns, texts that are safe to keep."""
+"""Nouns as rows and back: in columns, with digests in place of policies, and texts made safe to store."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def encode_lane(lane: Lane) -> dict[str, Any]:
 
 
 def decode_lane(row: Mapping[str, Any]) -> Lane:
-    """Raises DecodeError for a lane that contradicts its name."""
+    """Raises DecodeError for a row whose lane id contradicts its other columns."""
     columns = {name: row[name] for name in ("reward", "seed", "role")}
     if row["start_lane"] is not None:
         columns["start"] = {"policy": (row["start_lane"], row["start_peak"]), "fresh": row["start_fresh"]}
@@ -107,7 +107,7 @@ def encode_result(result: TrainingResult) -> str:
 
 
 def digest(policy: bytes) -> str:
-    """What tells whether the policy's file is still the one that was written."""
+    """SHA-256 of a policy. It tells whether the policy's file is still what was written."""
     return hashlib.sha256(policy).hexdigest()
 
 
@@ -123,16 +123,16 @@ def decode_digest(text: str | bytes, peak: Peak) -> str | None:
 
 
 def policy_name(peak: Peak) -> str:
-    """Of one of a lane's policies, in its result and as a file."""
+    """Name of one of a lane's policies: its field in a `TrainingResult`, and its file without the suffix."""
     return "last" if peak == "last" else f"best_{peak}"
 
 
 def decode_result(lane: str, text: str | bytes) -> TrainingResult:
-    """The result with empty policies: those are read one at a time, when they are needed.
+    """The result with empty policies: policies are read one at a time, when they are needed.
 
     Raises:
-        DecodeError: for anything but a result, also where its epochs contradict each other: who reads a curve at a
-            peak's epoch relies on them.
+        DecodeError: for anything but a result. Also where its curves differ in length or a peak's epoch is beyond their
+            end, because curves are read at these epochs.
     """
     result = shaped(TrainingResult, decode(dict[str, Any], text) | {"lane": lane, "last": None}).holding({})
     lengths = {len(result.curves[name]) for name in EVERY_EPOCH if name in result.curves}
@@ -160,14 +160,14 @@ def encode_remark(remark: Remark) -> dict[str, str | int | None]:
 
 
 def decode_remark(row: Mapping[str, Any]) -> Remark:
-    """Raises DecodeError for a kind of remark that nobody makes."""
+    """Raises DecodeError for an unknown kind of remark."""
     place, over = (row["generation"], row["slot"]), (row["over_generation"], row["over_slot"])
     places = {name: found for name, found in (("place", place), ("over", over)) if None not in found}
     return shaped(Remark, {"kind": row["kind"], "text": row["text"], **places})
 
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
-    """A row: its fields, undefined numbers as None; recorded episodes are a file of their own."""
+    """The columns of a row: undefined numbers are None, recorded episodes are left out (they have a file)."""
     row = defined(replace(evaluation, recorded=None)) | {
         "costs": encode(evaluation.costs) if evaluation.costs else None
     }
@@ -176,7 +176,7 @@ def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
-    """Inverse of `encode_evaluation`. Raises DecodeError for costs that are none."""
+    """Inverse of `encode_evaluation`. Raises DecodeError for costs that are not numbers by name."""
     columns: dict[str, Any] = dict(row)
     columns["noisy"] = bool(row["noisy"])
     columns["costs"] = decode(Costs, row["costs"]) if row["costs"] is not None else {}

@@ -1,6 +1,6 @@
 """The tables of a run, version by version.
 
-Every table is append-only, and triggers say so: a row is written once, when the work it stands for is finished.
+Every table is append-only, which triggers enforce: a row is written once, when the work it stands for is finished.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ def _immutable(*tables: str) -> str:
     )
 
 
-# Files are compared with these tables to the letter. Columns stand as SQLite writes those that were added later.
+# The schema of a file is compared with these tables to the letter. So columns that were added later stand here in the
+# way in which SQLite's ALTER TABLE writes them.
 _TABLES = """
 -- ranks: by what search=best ranks; NULL: by training.
 CREATE TABLE run (
@@ -178,7 +179,7 @@ CREATE TABLE proposals (             -- what a model was asked for ranges, and w
 
 
 def _of_scores(column: str) -> str:
-    """One more column of every table of scores."""
+    """SQL that adds a column to every table of scores."""
     return "".join(
         f"ALTER TABLE {table} ADD COLUMN {column}\n" for table in ("evaluations", "plays", "trials", "rungs")
     )
@@ -219,18 +220,18 @@ MIGRATIONS: dict[int, str] = {
     15: _NOISY,
     16: _WORD,
 }
-"""By the schema that it leads to: a script that brings a file there from the one before; the first begins with none.
-Published scripts are never edited, only followed by new ones."""
+"""Scripts by the number of the schema that they make. The first script starts from an empty file, every other one from
+the schema before it. Published scripts are never edited, only followed by new ones."""
 
 OLDEST = min(MIGRATIONS)
 """Schema of the oldest files that are read; the archives in benchmarks/ begin with it."""
 
 
-# A file may come from anybody and may have been changed: what does not fit is left out.
+# A file may come from anybody and may have been changed: values that do not fit are skipped.
 
 
 def _settings(connection: sqlite3.Connection) -> dict[str, object] | None:
-    """Those of the run, as they are stored; None where they are no settings."""
+    """The stored settings of the run; empty before the run has any, None where they cannot be read."""
     row = connection.execute("SELECT config FROM run").fetchone()
     try:
         found: object = json.loads(row[0]) if row else {}
@@ -240,7 +241,7 @@ def _settings(connection: sqlite3.Connection) -> dict[str, object] | None:
 
 
 def fill_ended(connection: sqlite3.Connection) -> None:
-    """Schema 13: whether a search is at its end, as its last rows tell."""
+    """Schema 13: mark the search as ended where its rows show that its last step is done."""
     settings = _settings(connection)
     if settings is None or not isinstance(iteration := settings.get("iteration", 0), int):
         return
@@ -259,4 +260,4 @@ def fill_ended(connection: sqlite3.Connection) -> None:
 
 
 FILLS: Mapping[int, Callable[[sqlite3.Connection], None]] = {13: fill_ended}
-"""By the schema that it completes: what fills the tables of a script from those of before."""
+"""Functions by the number of a schema. Each fills the tables that the schema adds from the older ones."""

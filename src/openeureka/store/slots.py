@@ -13,14 +13,14 @@ from .rows import decode_messages, decode_reply, decode_screened, encode_message
 
 
 class TalkLog:
-    """Prompts of slots with the replies to them, and proposals of ranges. A reply is kept before anything else is done
+    """Prompts and replies by slot, and the model's proposals of ranges. A reply is stored before anything else is done
     with it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
-        """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
+        """Store a prompt, its slots and the candidate to improve. `messages.json` shows people all prompts."""
         if self._database.row("prompts", generation=generation, slot=slots.start) is None:
             messages = encode_messages(prompt.messages)
             self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
@@ -35,7 +35,7 @@ class TalkLog:
         artifacts.write(self._database.directory, "messages.json", json.dumps(asked, indent=2))
 
     def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
-        """Keep where the programs of some slots come from: the prompt, by its first slot, and whom to improve."""
+        """Store for some slots which prompt fills them, by its first slot, and which candidate it asks to improve."""
         known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
         row = {"generation": generation, "prompt": asked}
         if parent is not None:
@@ -51,8 +51,8 @@ class TalkLog:
         return decode_reply(row) if row is not None else None
 
     def replies(self) -> tuple[Reply, ...]:
-        """Every reply in the order in which a run asks for them: all attempts at one prompt, then those at the next. A
-        given reward was not asked for."""
+        """Every reply in the order in which a run asks for them: all attempts at one prompt, then those at the next.
+        Given rewards are left out: no model was asked for them."""
         asked = {(row["generation"], row["slot"]): row["prompt"] or 0 for row in self._database.rows("slots")}
 
         def turn(place: tuple[int, int, int]) -> tuple[int, int, int, int]:
@@ -68,14 +68,14 @@ class TalkLog:
         return {(row["generation"], row["attempt"], row["slot"]): decode_reply(row) for row in rows}
 
     def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
-        """What was asked, by generation and the first slot that it fills."""
+        """The messages of each prompt, by generation and the first slot that the prompt fills."""
         rows = self._database.rows("prompts", order=("generation", "slot"))
         return {
             (row["generation"], row["slot"]): self._database.decoded(decode_messages, row["messages"]) for row in rows
         }
 
     def parents(self) -> dict[Place, Place]:
-        """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
+        """The candidate that the model was asked to improve, by slot. Slots without a parent are left out."""
         return {
             Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
             for row in self._database.rows("slots")
@@ -87,22 +87,22 @@ class TalkLog:
         return sum((reply.usage for reply in self.paid()), Usage())
 
     def paid(self) -> tuple[Reply, ...]:
-        """All that models replied, whatever they were asked for."""
+        """Every reply of a model, to prompts for rewards and to prompts for ranges."""
         return (*self.replies(), *self.proposals().values())
 
     def save_proposal(self, slot: int, attempt: int, asked: Prompt, reply: Reply) -> None:
-        """Keep what a model replied that was asked for ranges, before anything else happens to it."""
+        """Store a reply to a prompt for ranges, before anything else is done with it."""
         row = {"slot": slot, "attempt": attempt, "messages": encode_messages(asked.messages)}
         self._database.put("proposals", row | encode_reply(reply))
 
     def proposals(self) -> dict[tuple[int, int], Reply]:
-        """Those replies, by slot and attempt."""
+        """The replies to prompts for ranges, by slot and attempt."""
         rows = self._database.rows("proposals", order=("slot", "attempt"))
         return {(row["slot"], row["attempt"]): decode_reply(row) for row in rows}
 
 
 class ScreenLog:
-    """Decisions of a store, all those of a generation at once: they are made among its slots."""
+    """The screen's decisions. Those of a generation are saved at once, because they compare its slots."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -111,7 +111,7 @@ class ScreenLog:
         self._database.put("screens", *map(encode_screened, decisions))
 
     def all(self) -> dict[Place, Screened]:
-        """By slot; those of a slot without an accepted program, or in a generation without a screen, are not there."""
+        """Decisions by slot. Slots without an accepted program and generations without a screen have none."""
         rows = self._database.rows("screens", order=("generation", "slot"))
         decisions = [self._database.decoded(decode_screened, dict(row)) for row in rows]
         return {decision.place: decision for decision in decisions}

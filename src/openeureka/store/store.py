@@ -1,4 +1,4 @@
-"""A run directory: what is finished, and nothing else. The directory is the run."""
+"""The store of a run: what is finished, and nothing else. The directory is the run."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
 HARDENING = "robust.json"
-"""Not in `robust/`: what that holds goes whenever another policy comes."""
+"""Not in `robust/`, whose files are deleted when another policy takes their place."""
 
 
 def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
-    """Raises StoreError where a run that exists was begun with other settings than are wanted of it."""
+    """Raises StoreError where a run was begun with other settings than those wanted now, except such as may change."""
     before, now = asdict(stored), asdict(wanted)
     directory = short_path(directory)
     if (stored.model == NO_MODEL) != (wanted.model == NO_MODEL):
@@ -69,16 +69,16 @@ def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
 class Store:
     """Everything that a run has finished, readable at once and never changed afterwards.
 
-    Files come before the row that stands for them: a row whose file is missing cannot exist. Writing the same thing
-    twice is a programming error and raises sqlite3.IntegrityError.
+    Files are written before the row that stands for them, so no row lacks its file. Writing the same thing twice is a
+    programming error and raises sqlite3.IntegrityError.
 
     Attributes:
         folders: where people look for policies.
         lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
-        rewards: programs, what was found in them, and what they are called.
+        rewards: programs, their verdicts and their names.
         screens: which programs do not train, and why.
-        talk: what the model was asked, and replied.
+        talk: what the model was asked, and what it replied.
     """
 
     def __init__(self, directory: Path, database: Database, lock: FileLock | None) -> None:
@@ -94,10 +94,13 @@ class Store:
 
     @classmethod
     def open(cls, directory: Path | str, config: RunConfig, ranks: Ranks = "played") -> Store:
-        """Begin the run, of a search that `ranks` so, or continue what is there; nobody else can until `close`.
+        """Begin a run, or continue the one that is there. No other process can until `close`.
+
+        Args:
+            ranks: by which F the search ranks candidates; stored when the run begins.
 
         Raises:
-            StoreError: when another process has it, it holds something else, or its settings differ.
+            StoreError: when another process works on the run, the directory holds something else, or settings differ.
         """
         directory = Path(directory)
         artifacts.expect_room(directory)
@@ -114,7 +117,7 @@ class Store:
 
     @classmethod
     def view(cls, directory: Path | str) -> Store:
-        """Read a run, also while it is going on: see `moment`.
+        """Open a run for reading, also while a process works on it: see `moment`.
 
         Raises:
             StoreError: when there is none, or it is at work on another machine.
@@ -127,9 +130,9 @@ class Store:
 
     @classmethod
     def visit(cls, directory: Path | str) -> Store:
-        """Say something to a run that another process has: the one thing that may be written without its lock.
+        """Open a run that another process may be working on, to add remarks: only these are written without the lock.
 
-        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others.
+        Use nothing but `remarks`: a run of an older version keeps its old tables, the only ones that its process knows.
 
         Raises:
             StoreError: when that process is on another machine.
@@ -138,7 +141,7 @@ class Store:
         return cls(Path(directory), Database(Path(directory), writable=True, migrate=False), None)
 
     def moment(self) -> AbstractContextManager[None]:
-        """What is read within is of one moment: a run at work adds rows to one table after the other."""
+        """Within it all reads see the rows of one moment. Otherwise a run at work may add rows between two reads."""
         return self._database.moment()
 
     def close(self) -> None:
@@ -163,7 +166,7 @@ class Store:
     # --- settings ----------------------------------------------------------------------------------------------------
 
     def _settle(self, config: RunConfig, ranks: Ranks) -> None:
-        """Store the settings first of all; a later process must come with the same."""
+        """Store the settings before anything else. A process that continues the run must come with the same ones."""
         if self._database.row("run") is None:
             if artifacts.is_foreign(self.directory):
                 raise StoreError(
@@ -192,7 +195,7 @@ class Store:
 
     @property
     def ranks(self) -> Ranks:
-        """By what the search ranks: it goes on as it began."""
+        """By which F the search ranks candidates, as stored when it began."""
         row = self._database.row("run")
         plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"
         return "played" if plays else "training"
@@ -215,10 +218,10 @@ class Store:
         self._database.put("entries", *rows)
 
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
-        """Every finished generation; `results` are those of the run, where the caller has them."""
+        """Every finished generation; `results` are those of the run, where the caller has read them already."""
         results = self.lanes.results() if results is None else results
         limits = self.config.cost_limits
-        plays = self.lanes.plays() if self.ranks == "played" else {}  # a tuning plays lanes of any search
+        plays = self.lanes.plays() if self.ranks == "played" else {}  # `tune=` plays lanes whatever the search ranks by
         scores = {lane: played(own, limits) for lane, own in plays.items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
@@ -259,7 +262,7 @@ class Store:
         )
 
     def _lawful(self) -> float | None:
-        """The best F of a policy that keeps the limits."""
+        """The best F of a policy that keeps the limits, of the lanes that may lead the run."""
         finished, limits = self._database.finished(), self.config.cost_limits
         scores = [played(own, limits) for lane, own in self.lanes.plays().items() if lane in finished]
         return max((s.fitness for s in scores if s.fitness is not None and not s.broken(limits)), default=None)
@@ -267,16 +270,16 @@ class Store:
     # --- the best ----------------------------------------------------------------------------------------------------
 
     def save_crown(self, place: Place) -> None:
-        """Keep which candidate the final trainings confirmed."""
+        """Store which candidate won the race."""
         self._database.put("crown", {"id": 1, "generation": place.generation, "slot": place.slot})
 
     def crown(self) -> Place | None:
-        """The candidate that the final trainings confirmed; None before they are done, and in runs that had no race."""
+        """The candidate that won the race; None before the race is done, and in runs that had none."""
         row = self._database.row("crown")
         return Place(row["generation"], row["slot"]) if row is not None else None
 
     def save_best(self, program: Candidate | None, policy: PolicyId) -> None:
-        """Fill `best/` with the best reward and its policy: the one place that changes, as better rewards come.
+        """Fill `best/` with the best reward and its policy, anew whenever a better reward comes.
 
         A reward that comes with the task has no program of its own.
         """
@@ -287,7 +290,8 @@ class Store:
         self.folders.fill("best", policy)
 
     def best(self) -> PolicyId | None:
-        """The policy in `best/`; of equal ones that of the reward which lies beside it. None before there is one."""
+        """The policy in `best/`; None before there is one. Where lanes left equal policies, a lane of the reward in
+        `best/reward.py` is preferred."""
         source = artifacts.read(self.directory, "best/reward.py")
         own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
         lanes, given, judged = self.lanes.all(), self.rewards.named(), self.lanes.evaluations()
@@ -300,28 +304,28 @@ class Store:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing is left of the search but reports."""
+        """Whether the search is done and only reports are left to write."""
         return self._database.row("ended") is not None
 
     def end(self, word: Word = "") -> None:
-        """Keep that nothing is left of the search but reports, and what it decided; once more is nothing."""
+        """Mark the search as done but for reports, with the `word` of its verdict. A second call changes nothing."""
         if not self.ended:
             self._database.put("ended", {"id": 1, "word": word})
 
     # --- robust ------------------------------------------------------------------------------------------------------
 
     def save_robust(self, ranges: str, policy: PolicyId) -> None:
-        """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
+        """Fill `robust/` with a policy and the ranges that it trained with, as YAML."""
         self.folders.fill("robust", policy)
         artifacts.write(self.directory, "robust/ranges.yaml", ranges)
 
     def save_hardening(self, hardening: Hardening) -> None:
-        """Keep how the policies train that are to be robust; the first word counts."""
+        """Store how `eureka robust` trains its policies. Only the first call counts."""
         if self.hardening() is None:
             artifacts.write(self.directory, HARDENING, encode(hardening))
 
     def hardening(self) -> Hardening | None:
-        """What `save_hardening` kept; None before that."""
+        """What `save_hardening` stored; None before that."""
         text = artifacts.read(self.directory, HARDENING)
         return self._database.decoded(decode, Hardening, text) if text is not None else None
 

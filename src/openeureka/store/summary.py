@@ -1,7 +1,7 @@
-"""How a run stands, in a file beside its rows: a list of many runs opens no database.
+"""A summary of how far a run has come, in a file beside its rows: a list of many runs opens no database.
 
-It is made of the rows and never read in their place: it says of which file it was made, and where that has changed
-since, as in a copy or after a kill, the rows are read.
+It records the time and size of the database that it was made from. Where the database has changed since, as in a copy
+or after a kill, the rows are read.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from . import artifacts
 from .db import FILENAME, SUMMARY
 
 _LARGEST = 1 << 16
-"""Bytes of a summary that are read."""
+"""Largest summary that is read [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,13 +28,13 @@ class _Kept:
     """A summary as it is stored."""
 
     rows: tuple[int, int]
-    """Of the database: when it was changed [ns] and its size [B]."""
+    """When the database was last changed [ns], and its size [B]."""
     config: dict[str, object]
     glance: Glance
 
 
 def keep(directory: Path, config: RunConfig, glance: Glance) -> None:
-    """Write it, once the database is closed. Where that cannot be, the rows are read instead."""
+    """Write the summary, once the database is closed. Where that fails, `read` finds none and the rows are read."""
     rows = _of(directory)
     if rows is not None:
         with suppress(StoreError):
@@ -42,7 +42,7 @@ def keep(directory: Path, config: RunConfig, glance: Glance) -> None:
 
 
 def read(directory: Path) -> tuple[RunConfig, Glance] | None:
-    """The settings of a run and how far it has come; None where the rows have to be asked."""
+    """The settings of a run and how far it has come; None where the rows have to be read."""
     with suppress(StoreError, ConfigError, DecodeError, TypeError, OSError):
         file = artifacts.opened(directory, SUMMARY)
         if file is not None:
@@ -54,7 +54,7 @@ def read(directory: Path) -> tuple[RunConfig, Glance] | None:
 
 
 def _of(directory: Path) -> tuple[int, int] | None:
-    """The database's time and size; None while a writer's log lies beside it."""
+    """The database's time [ns] and size [B]; None while a write-ahead log lies beside it."""
     with suppress(OSError):
         if not os.path.lexists(directory / f"{FILENAME}-wal"):
             found = os.lstat(directory / FILENAME)
