@@ -1,4 +1,4 @@
-"""The functions that Python programs call: the command line's runs, told as events and handed back as an object."""
+"""The functions that Python programs call: they start the command line's runs, and return them as objects."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def search(
 
         run = openeureka.search("ant", model="gpt-5", sample=8, iteration=3, max_cost=5)
 
-    Ctrl-C, which is also a notebook's stop button, stops it: what is under way is kept, one line says how to go on, and
-    the run so far is returned. With the `dir` of a run that exists, it goes on with that.
+    Ctrl-C, which is also a notebook's stop button, stops the search: what is under way is kept, one line says how to go
+    on, and the run so far is returned. With the `dir` of an existing run, the search continues that run.
 
     Args:
-        env: a name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or one of another Python, such as
-            `python:FILE.py:NAME` or `dmc:DOMAIN-TASK`: `python=PATH` among the settings names that interpreter.
-        model: what `model=` names on the command line, or an object of your own that keeps the protocol
+        env: a name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or a task in another Python, such as
+            `python:FILE.py:NAME` or `dmc:DOMAIN-TASK`; the setting `python` is then the path of that interpreter.
+        model: what `model=` names on the command line, or an object of your own with the protocol
             `openeureka.llm.client.LanguageModel`.
-        on_event: called with every `Event`, in order; what it raises ends the search.
+        on_event: called with every `Event`, in order; an exception that it raises ends the search.
         settings: those of `eureka run`, by the same names.
 
     Raises:
         ConfigError: for an unknown setting, or one that does not fit.
-        EurekaError: what else a person can do something about; what was finished is kept.
+        EurekaError: for anything else that a person can mend; what was finished is kept.
     """
     config, own = _searched(env, model, settings)
     directory = output_directory(config.dir, config.env)
@@ -63,8 +63,8 @@ def searching(
             if isinstance(event, openeureka.Generation):
                 print(event.index, event.best and event.best.score)
 
-    Leaving the loop stops the search, and nothing is lost: it takes about a second while lanes train, and up to a reply
-    while the model writes. So does Ctrl-C. A generator that you gave a name goes on until its `close()`.
+    Leaving the loop stops the search, as Ctrl-C does, and nothing is lost. It takes about a second while lanes train,
+    and up to a reply while the model writes. A generator in a variable of yours goes on until its `close()`.
 
     Args:
         env: as in `search`.
@@ -72,7 +72,7 @@ def searching(
         settings: as in `search`.
 
     Raises:
-        EurekaError: as `search` does; from the loop, what ended the search.
+        EurekaError: as in `search`. An error that ends a running search is raised in the loop.
     """
     config, own = _searched(env, model, settings)
 
@@ -93,20 +93,20 @@ def train(
 
         run = openeureka.train("cartpole", ["human", "my_reward.py", text], seeds=3)
 
-    Ctrl-C stops it as it stops `search`. What could not be trained has its reason in the run's rows.
+    Ctrl-C stops it as it stops `search`. For a training that failed, `message` in the run's rows has the reason.
 
     Args:
         env: as in `search`.
         reward: names and paths, separated by commas, or a list of names, paths and texts of programs. `human` and
-            `sparse` come with the task. A text has several lines, or begins with `def`; it is called `reward_1` by its
-            place in the list.
+            `sparse` come with the task. A text has several lines, or begins with `def`; it is named after its place in
+            the list, such as `reward_1`.
         on_event: as in `search`.
         settings: those of `eureka train`, by the same names.
 
     Raises:
         ConfigError: for an unknown setting, or one that does not fit.
         RewardFileError: for a reward that cannot be read or was refused.
-        EurekaError: what else a person can do something about; what was finished is kept.
+        EurekaError: for anything else that a person can mend; what was finished is kept.
     """
     config, listed = TrainConfig(**taken(TrainConfig, {"env": env, **settings})), _listed(reward)
     get(config.env)
@@ -141,15 +141,15 @@ def tune(
 
     Args:
         env: as in `search`.
-        reward: `human`, a path, the directory of a run, whose best reward it is, or the program as a text of several
-            lines. No setting of that run is taken.
+        reward: `human`, the path of a file, the program as a text of several lines, or the directory of a run, whose
+            best reward is tuned. None of that run's settings is used.
         on_event: as in `search`.
         settings: those of `eureka tune`, by the same names.
 
     Raises:
         ConfigError: for an unknown setting, one that does not fit, or a reward without numbers to fit.
         RewardFileError: for a reward that cannot be read or was refused.
-        EurekaError: what else a person can do something about; what was finished is kept.
+        EurekaError: for anything else that a person can mend; what was finished is kept.
     """
     _expect("reward", reward, "a name, a path or the text of a program")
     config = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
@@ -173,19 +173,19 @@ def robust(
         run = openeureka.robust("outputs/my_run", model="gpt-5", sample=8)
         print(run.robust)
 
-    Ctrl-C stops it as it stops `search`; called again, it goes on.
+    Ctrl-C stops it as it stops `search`. Call it again to go on.
 
     Args:
         run: the run, or its directory.
         model: as in `search`; empty means the run's own.
-        trust: use what the run names and you never used on this machine: addresses, files, models.
+        trust: use addresses, files and models that the run names, also those that you never used on this machine.
         on_event: as in `search`.
         settings: those of `eureka robust`, by the same names.
 
     Raises:
         ConfigError: for an unknown setting, one that does not fit, or a run without a policy.
         ModelError: when no reply holds ranges that can be used.
-        EurekaError: what else a person can do something about; what was finished is kept.
+        EurekaError: for anything else that a person can mend; what was finished is kept.
     """
     if not isinstance(run, Run):
         _expect("run", run, "a run or the path of its directory")
@@ -198,7 +198,7 @@ def robust(
     agree(config, directory, typed=given, trusted=trust, way="call robust(..., trust=True)")
     words = [repr(str(short_path(directory))), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
-        words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
+        words.append("model=..." if own is not None else f"model={name!r}")  # an object cannot be written as text
     again = f"openeureka.robust({', '.join(words)})"
     return done(directory, on_event, lambda host: compose.robust(wanted, config, directory, host, own, again=again))
 
@@ -208,11 +208,11 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
 
     Args:
         env: as in `search`; with another interpreter, `dmc:DOMAIN-TASK+python=PATH`.
-        program: a path, or the program as a text, several lines or a `def`, which may be a model's whole answer.
+        program: a path, or the program as a text of several lines or one `def`. Either may be a model's whole reply.
         unsafe_no_sandbox: run it in an unconfined child process where the kernel cannot confine it.
 
     Raises:
-        ConfigError: for what is neither a path nor a text.
+        ConfigError: for a program that is neither a path nor a text.
         TaskError: for a task that does not exist.
         RewardFileError: for a file that cannot be read.
         SandboxUnavailable: where the kernel cannot confine it, or the machine is too busy.
@@ -223,11 +223,11 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
 
 
 def open_run(directory: str | Path) -> Run:
-    """A run that exists, finished, stopped or at work. Nothing that it names is used.
+    """An existing run, finished, stopped or at work. Nothing that its settings name is used.
 
     Raises:
-        ConfigError: for what is no path.
-        StoreError: when there is none.
+        ConfigError: for a directory that is no path.
+        StoreError: when there is no run.
     """
     _expect("directory", directory, "the path of a run")
     run = Run(Path(directory))
@@ -246,7 +246,7 @@ def _searched(
 
 
 def _named(model: str | LanguageModel) -> tuple[LanguageModel | None, str]:
-    """The model where it is an object, and what it is called."""
+    """The model where it is an object, and its name."""
     if isinstance(model, str):
         return None, model
     expect_model(model)

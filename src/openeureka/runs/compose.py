@@ -1,4 +1,4 @@
-"""Puts the parts of a run together, and has it report. Who started it is its host: a terminal, or a Python program."""
+"""Puts the parts of a run together, and has it report. A run's host is what started it: a terminal or a program."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ from .trainers import expect_storable, trainer_of
 
 
 class Host(Protocol):
-    """Whoever started a run: what it is told, and where its person sits."""
+    """What started a run, is told of its progress, and knows where its person sits."""
 
     def begins(self, config: RunConfig, directory: Path) -> None:
-        """Nothing of the run is made yet, and what a person can get wrong is refused."""
+        """Called when wrong settings have been refused, and nothing of the run is made yet."""
         ...
 
     def working(self, text: str) -> AbstractContextManager[None]:
-        """Around what takes long and tells nothing of itself."""
+        """Around work that takes long and tells no events."""
         ...
 
     def view(self, config: RunConfig, directory: Path, usage: Usage) -> AbstractContextManager[Tell]:
@@ -59,12 +59,12 @@ class Host(Protocol):
     def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> Desk: ...
 
     def again(self, directory: Path) -> str:
-        """What to write to go on with the run."""
+        """The command or call that continues the run."""
         ...
 
 
 def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
-    """The settings of a new search as it takes them; what they reach outside the run is remembered as typed.
+    """The settings of a new search, checked and completed. What they reach outside the run is recorded as typed.
 
     Args:
         typed: the settings that were given.
@@ -90,40 +90,40 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         raise ConfigError("`tune` replaces by F what won by votes: leave it out, or tune the run's reward afterwards.")
     expect(config)
     if config.feedback == "human" and "video" not in typed:
-        config = replace(config, video="all")  # who is to judge needs to see
+        config = replace(config, video="all")  # a person judges by what they see
     trust.remember(config)
     return config
 
 
 def as_begun(config: RunConfig, old: RunConfig) -> RunConfig:
-    """Settings for a search that began with others: where they name no sizes, it keeps its own."""
+    """Settings for a search that has begun: where they leave `sample` or `iteration` open, it keeps its own."""
     return replace(config, sample=config.sample or old.sample, iteration=config.iteration or old.iteration)
 
 
 def stored(directory: Path) -> RunConfig:
-    """The settings of a run that is continued. That programs need no sandbox is never taken from a store."""
+    """The settings of a run that is continued. `unsafe_no_sandbox` is never taken from a store."""
     return replace(read_config(directory), unsafe_no_sandbox=False)
 
 
 def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None) -> list[str]:
-    """Search, or go on with it, then report. What a person can get wrong is refused before a directory is made.
+    """Search, or continue a search, then report. Wrong settings are refused before a directory is made.
 
     Args:
-        model: in place of the one that the settings name.
+        model: used in place of the one that the settings name.
 
     Returns:
-        Sentences that say what of the report could not be made.
+        Sentences about parts of the report that could not be made.
 
     Raises:
         Interrupted: stopped by Ctrl-C or `eureka stop`; all that was finished is stored.
-        EurekaError: what else ended it.
+        EurekaError: any other error that ended the search.
     """
     begun = has_begun(directory)
     with swept(directory), mirrored(directory, config) as mirrors:
         try:
             with _prepared(config, directory, host, model, mirrors) as work:
                 work()
-        except KeyboardInterrupt:  # before the search, or a resumed one, was at work
+        except KeyboardInterrupt:  # before the search was at work
             begun = begun or has_begun(directory)
             raise Interrupted(stopped(host.again(directory)) if begun else "Stopped before it began.") from None
         doing = "Writing the report" if config.video == "none" else "Filming, and writing the report"
@@ -136,7 +136,7 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
 def _reported(
     config: RunConfig, directory: Path, host: Host, done: str, doing: str = "Writing the report"
 ) -> list[str]:
-    """Sentences that say what of the report could not be made. It comes last: what is done is complete without it.
+    """Write the report, and return sentences about parts that could not be made. The run is complete without it.
 
     Raises:
         Interrupted: stopped by Ctrl-C.
@@ -153,7 +153,7 @@ def _reported(
 def _prepared(
     config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Tell]
 ) -> Iterator[Callable[[], object]]:
-    """A search to run, as long as all that it is made of is open."""
+    """The search as a function to call while everything that it needs is open."""
     task = context(config.env)
     baselines.chosen(config)  # refuses what was not measured
     costs.check(config.env, config.cost_limits)
@@ -162,10 +162,10 @@ def _prepared(
         sampling.initial(config)  # refuses what cannot be read, before a model is opened
     trainer = trainer_of(config, directory)
     with closing(priced(model, config) if model is not None else _model(config, directory)) as model:
-        if begun:  # its model may be its own replies now, which do not say in which style they were asked
+        if begun:  # its model may replay its own replies, which do not tell the style of their prompts
             config = as_begun(config, read_config(directory))
         config = strategies.sized(config, model.style)
-        strategy = strategies.make(config)  # refuses what is none
+        strategy = strategies.make(config)  # refuses an unknown search
         expect_free(directory, config)
         with host.working("Trying the task out"):
             states = record_states(config.env)
@@ -187,8 +187,8 @@ def _prepared(
 
 
 def _model(config: RunConfig, directory: Path) -> LanguageModel:
-    """The model that the settings name. A run that has all its generations gets its own replies: it asks for no more,
-    and the key or the weights may be gone.
+    """The model that the settings name. A run that has all its generations gets a replay of its own replies: it asks
+    for no more, and the key or the weights may be gone.
     """
     if not has_begun(directory):
         return open_model(config, held=0)
@@ -200,7 +200,7 @@ def _model(config: RunConfig, directory: Path) -> LanguageModel:
 
 @contextmanager
 def _filming(directory: Path, config: RunConfig, host: Host) -> Iterator[list[Filming]]:
-    """The one who films all policies while the search goes on, if they are wanted."""
+    """What films all policies while the search goes on; empty without `video=all`."""
     if config.video != "all":
         yield []
         return
@@ -215,14 +215,14 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     """Train what is missing of a run of given rewards, then report.
 
     Args:
-        rewards: None for those that the run holds.
+        rewards: None for the rewards that the run holds.
 
     Returns, Raises:
         As `search` does.
     """
     with swept(directory):
         expect_free(directory, config)
-        if rewards is not None and not any(rewards.values()):  # programs were judged on states of the task
+        if rewards is not None and not any(rewards.values()):  # else judging their programs has tried it
             with host.working("Trying the task out"):
                 try_out(config.env)
         keep = partial(given.keep, rewards=rewards) if rewards is not None else None
@@ -236,7 +236,7 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
     """Do what is missing of a tuning, then report.
 
     Args:
-        reward: the one whose numbers are fitted; None for that of the run.
+        reward: the reward whose numbers are fitted; None for the one that the run holds.
 
     Returns, Raises:
         As `search` does.
@@ -269,16 +269,16 @@ def robust(
     """Do what is missing to make the best policy of a run robust, then report.
 
     Args:
-        config: the run's, with what `wanted` changes: the model, how many proposals it makes, where they train.
-        model: instead of the one that the settings name.
-        again: what to write to go on with it; `Host.again` says how to go on with what made the run.
+        config: the run's settings with what `wanted` changes: the model, how many proposals it makes, where they train.
+        model: used in place of the one that the settings name.
+        again: the command or call that continues the hardening; `Host.again` names the one that continues the run.
 
     Returns:
         As `search` does.
 
     Raises:
-        ConfigError: for a task of which nothing can be changed, a run without a model or a policy, and trainings
-            unlike those before.
+        ConfigError: for a task of which nothing can be changed, a run without a model or a policy, and another start or
+            number of steps than before.
         EurekaError: as `search` does.
     """
     task = get(config.env)
@@ -312,10 +312,10 @@ def robust(
 def comparing(
     config: RunConfig, directory: Path, host: Host, keep: Callable[[Store], object] | None = None
 ) -> Iterator[Lanes]:
-    """The lanes of a run of given rewards, begun or gone on with, as long as it is at work.
+    """The lanes of a run of given rewards, new or continued, while it is at work.
 
     Args:
-        keep: has the store hold the rewards. Where it refuses them, the way on is not to resume the run.
+        keep: stores the rewards. It is called first, because resuming the run is no remedy where it refuses them.
     """
     trainer = trainer_of(config, directory)
     host.begins(config, directory)
@@ -335,12 +335,12 @@ def _at_work(
     mirrors: Sequence[Tell],
     filming: AbstractContextManager[Sequence[Filming]] | None = None,
 ) -> Iterator[tuple[Tell, Sequence[Filming]]]:
-    """All who are told of a run, and those of them who film it, as long as it is at work and can be stopped.
+    """A `Tell` for all that listen to a run, and those of them that film it, while it is at work and can be stopped.
 
     Args:
-        config: what it works by, which may be other settings than those that it began with.
-        again: what to write to go on with it.
-        filming: waits, when it is left, for what is being filmed: the view is closed by then, and a stop still heard.
+        config: the settings that it works with, which may differ from those that it began with.
+        again: the command or call that continues it.
+        filming: on exit it waits for films under way, when the view is closed but a request to stop is still heard.
     """
     directory, usage = store.directory, store.talk.usage()
     with (
@@ -355,7 +355,7 @@ def _at_work(
 
 @contextmanager
 def _store(directory: Path, config: RunConfig, ranks: Ranks = "played") -> Iterator[Store]:
-    """The store of a run, as long as it is at work; files that it names say what they said when it began."""
+    """The store of a run while it is at work. Raises ConfigError where a file that its settings name has changed."""
     with Store.open(directory, config, ranks) as store:
         inputs.keep(config, directory)
         yield store

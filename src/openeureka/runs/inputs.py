@@ -1,4 +1,4 @@
-"""Keeps the files that settings of a run name, and refuses to go on when they say something else."""
+"""Copies the files that settings of a run name, and refuses to go on when such a file has changed."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..parsing import short_path
 from ..store import artifacts
 
 NAMED = ("curriculum", "randomise")
-"""Settings that may be a YAML file. A copy in the run's directory has the setting's name."""
+"""Settings that may name a YAML file. Its copy in the run's directory has the setting's name."""
 
 
 def keep(config: RunConfig, directory: Path) -> None:
-    """Copy the files into the directory of a run that begins, or see that they still say the same.
+    """Copy the files into the directory of a run that begins, or check that they still say the same.
 
     The caller holds the run's lock, and has read the files.
 
@@ -39,14 +39,14 @@ def keep(config: RunConfig, directory: Path) -> None:
 
 
 def _said(text: bytes) -> object:
-    """The content without its spelling; the text where it is no YAML.
+    """The content of a YAML file without its layout; the text itself where it is no YAML.
 
-    The copy may be somebody else's: nothing is made of it, as its references and tags may spell out anything.
+    The copy may come from anybody. No object is built from it, because its anchors and tags may expand to anything.
     """
     try:
         return [
             (type(part), *(getattr(part, name, None) for name in ("anchor", "tag", "implicit", "value")))
             for part in yaml.parse(text)
         ]
-    except (yaml.YAMLError, ValueError, OverflowError):  # the last two: of characters that there are not
+    except (yaml.YAMLError, ValueError, OverflowError):  # the last two: escapes of impossible characters
         return text

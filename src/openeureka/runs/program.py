@@ -1,4 +1,4 @@
-"""A Python program as the host of a run: it hears events, and nothing is printed but how to go on."""
+"""A Python program as the host of a run: it is told events, and nothing is printed but how to go on."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Started:
 
 
 Event = Started | events.Event
-"""What a program hears: first that the run has its directory, then all that the run tells."""
+"""What a program is told: first `Started`, then every event of the run."""
 
 Tell = Callable[[Event], object]
 Work = Callable[[compose.Host], object]
@@ -39,10 +39,10 @@ Work = Callable[[compose.Host], object]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A Python program as the host of a run (see `compose.Host`): it hears events, and nothing is printed.
+    """A Python program as the host of a run (see `compose.Host`): it is told events, and nothing is printed.
 
-    No signal reaches any thread but the main one. A run in another stops where it tells of something, or waits for a
-    person: when `leaving` is set, or `eureka stop` asks for it.
+    Signals reach only the main thread. A run in another thread stops when `leaving` is set or `eureka stop` asks for
+    it. It checks both at its events, and while it waits for a person.
     """
 
     tell: Tell
@@ -60,14 +60,14 @@ class Program:
     def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[events.Tell]:
         def tell(event: Event) -> None:
             self.tell(event)
-            if not isinstance(event, TrainingResult):  # the next one may be waiting: it is to be kept first
+            if not isinstance(event, TrainingResult):  # the next result may be there, and must be stored first
                 self.obey(directory)
 
         tell(Started(Run(directory)))
         yield tell
 
     def obey(self, directory: Path) -> None:
-        """Raises KeyboardInterrupt where the run is to stop and no signal says so."""
+        """Raises KeyboardInterrupt where the run is to stop, in a thread that no signal reaches."""
         if self.leaving is not None and (self.leaving.is_set() or is_asked_to_stop(directory)):
             raise KeyboardInterrupt
 
@@ -99,7 +99,7 @@ def host(on_event: Tell | None, *, own: bool = False) -> compose.Host:
 
 
 def done(directory: Path, on_event: Tell | None, work: Work, *, own: bool = False) -> Run:
-    """The run after the work, or as far as it came when it was stopped."""
+    """Do the work, and return the run as far as it came."""
     try:
         work(host(on_event, own=own))
     except Interrupted as stop:
@@ -110,7 +110,7 @@ def done(directory: Path, on_event: Tell | None, work: Work, *, own: bool = Fals
 
 
 def followed(work: Work, *, own: bool = False) -> Generator[Event]:
-    """The events of a run at work in a thread of its own."""
+    """The events of a run that works in a separate thread."""
     told: SimpleQueue[Event | None] = SimpleQueue()
     leaving = threading.Event()
     failures: list[BaseException] = []
@@ -118,7 +118,7 @@ def followed(work: Work, *, own: bool = False) -> Generator[Event]:
     def run() -> None:
         try:
             work(Program(told.put, leaving, own))
-        except BaseException as error:  # whatever it is, it is raised where somebody looks
+        except BaseException as error:  # raised again in the thread that reads the events
             failures.append(error)
         finally:
             told.put(None)

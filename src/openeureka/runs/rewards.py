@@ -1,4 +1,4 @@
-"""Rewards that a person gives, as names, files or texts: checking them."""
+"""Reads and checks the rewards that a person gives as names, files or texts."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from ..types import OWN_REWARDS, Candidate, Verdict, VerdictCode
 
 
 def read(program: str | Path) -> Candidate:
-    """The program in a file, or in a text: several lines, or a `def`. Either may be a model's whole answer. Raises
-    RewardFileError for a file that cannot be read."""
+    """The program in a file or in a text. Either may be a model's whole reply. Raises RewardFileError for a file that
+    cannot be read."""
     return extract.in_text(str(program)) if is_text(program) else extract.in_file(_file(program))[0]
 
 
@@ -34,12 +34,12 @@ def _file(word: str | Path) -> Path:
 
 
 def is_text(program: str | Path) -> bool:
-    """Whether it is a program itself, and not the name of one."""
+    """Whether it is a program itself, several lines or one `def`, and not the name of one."""
     return isinstance(program, str) and ("\n" in program or program.startswith("def "))
 
 
 def listed(words: str) -> list[str]:
-    """What a text names, separated by commas; a file whose name or folder has commas is one all the same."""
+    """The names in a text, separated by commas. Commas in the path of an existing file do not separate."""
     names, parts = [], words.split(",")
     while parts:
         joined = (size for size in range(len(parts), 1, -1) if os.path.isfile(_file(",".join(parts[:size]).strip())))
@@ -50,12 +50,12 @@ def listed(words: str) -> list[str]:
 
 
 def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
-    """Given rewards by what they are called: files by their stem, and by their folder where two have one stem, texts by
-    their number. Each is checked before anything of a run is made.
+    """Given rewards by name. A file is named after its stem, and after its folder too where two have one stem; a text
+    is named after its number. Each reward is checked before anything of a run is made.
 
     Raises:
-        ConfigError: for none, or two of a name.
-        RewardFileError: for one that cannot be read or was refused.
+        ConfigError: for no reward, or two with one name.
+        RewardFileError: for a reward that cannot be read or was refused.
     """
     if not words:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
@@ -80,11 +80,11 @@ def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
     """The reward whose numbers are fitted, checked before anything of a run is made.
 
     Args:
-        word: as `reward` of the settings; also a text.
+        word: as the setting `reward`, or a text.
 
     Raises:
-        ConfigError: where there is nothing to fit, or a run's reward is one of another task.
-        RewardFileError: for one that cannot be read or was refused.
+        ConfigError: where there is nothing to fit, or the reward is of a run on another task.
+        RewardFileError: for a reward that cannot be read or was refused.
         StoreError: for a folder that is no run.
         TaskError: where the task's own reward is no program.
     """
@@ -99,8 +99,8 @@ def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
 
 
 def left_out(config: TuneConfig, word: str | Path) -> str:
-    """What the run whose best reward is tuned trained with, and this tuning does not; empty for any other reward, and
-    where nothing differs but what was set here.
+    """Where a run's best reward is tuned: sentences about settings and limits of that run that the tuning does not use.
+    Empty for any other reward, and where the only differences are settings that were given for the tuning.
     """
     if is_text(word) or not Path(word).is_dir():
         return ""
@@ -141,12 +141,12 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
 
 
 def _kind(env: str) -> str:
-    """A task wherever its file is by now, whatever is set of it: whether a reward fits, the checks say."""
+    """A task's name, without the path of its file and without its settings. Whether a reward fits, the checks tell."""
     return short_name(env.partition("+")[0])
 
 
 def _name(reward: str | Path, number: int) -> str:
-    """A file's stem, as far as it can name a folder."""
+    """The name of a given reward: of a file its stem, without characters that the name of a folder may not have."""
     if reward in OWN_REWARDS:
         return str(reward)
     if is_text(reward):
@@ -156,7 +156,7 @@ def _name(reward: str | Path, number: int) -> str:
 
 
 def _in_folder(reward: str | Path, name: str) -> str:
-    """A file by its folder and its stem."""
+    """The name of a file by its folder and its stem; any other reward keeps its name."""
     if reward in OWN_REWARDS or is_text(reward):
         return name
     return _nameable(f"{Path(reward).absolute().parent.name}_{Path(reward).stem}")
@@ -167,7 +167,7 @@ def _nameable(text: str) -> str:
 
 
 def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe: bool) -> list[Verdict]:
-    """Verdicts in the order of the candidates, by the same gate and sandbox as in a run with so many worlds."""
+    """Verdicts in the order of the candidates, by the gate and sandbox of a run with this number of worlds."""
     if not candidates:
         return []
     task = get(env)
@@ -187,7 +187,7 @@ _MEANINGS = {
 
 
 def meaning(verdict: Verdict) -> str:
-    """What a verdict says to a person, before its findings do."""
+    """What a verdict means, for people; its findings say why."""
     if any(finding.rule == "syntax" for finding in verdict.findings):
         return "Python cannot read it; it was not run"
     return _MEANINGS[verdict.code]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Row = dict[str, str | int | float | None]
 
 LONGEST = 40.0
-"""[s] of what `Run.play` shows: a second of it takes 83 MB."""
+"""[s] that `Run.play` shows at most: each second takes 83 MB."""
 SHOWN = 8
 """Candidates in a notebook's view of a run."""
 
@@ -50,17 +50,17 @@ class LaneView:
     result: TrainingResult | None
     """None while it trains."""
     played: Evaluation | None
-    """What its policy scored when it was played to choose by."""
+    """Score of its policy in the episodes that rewards are ranked by."""
     held_out: Evaluation | None
-    """What it scored in the end, in episodes that nothing was chosen by."""
+    """Score of its policy in the end, in new episodes that nothing was chosen by."""
 
     @property
     def curves(self) -> Mapping[str, tuple[float | None, ...]]:
-        """A value an epoch, by name: see `TrainingResult.curves`. Empty while it trains."""
+        """A value for each epoch, by name: see `TrainingResult.curves`. Empty while the lane trains."""
         return self.result.curves if self.result is not None else {}
 
     def row(self) -> Row:
-        """All of it that is a text or a number; what is undefined is None."""
+        """All that is a text or a number; undefined values are None."""
         result, played, held_out = self.result, self.played, self.held_out
         return {
             "lane": self.lane.id,
@@ -83,7 +83,7 @@ class LaneView:
 
 
 def lanes(run: RunView) -> dict[str, LaneView]:
-    """By id, in the order in which they were begun."""
+    """The lanes of a run by id, in the order in which they were begun."""
     places: dict[str, str] = {}
     for slot in run.candidates:
         if slot.program is not None:
@@ -102,7 +102,7 @@ def lanes(run: RunView) -> dict[str, LaneView]:
 
 def finished(config: RunConfig, glance: Glance) -> bool:
     """Whether nothing is left to do but reports."""
-    known = not config.generations and glance.evaluations > 0  # older versions kept no end of given rewards
+    known = not config.generations and glance.evaluations > 0  # older versions did not mark such a run as ended
     return glance.ended or known
 
 
@@ -118,17 +118,17 @@ class RewardText(str):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run directory, of a search or of given rewards, finished or not. It is read anew at each look."""
+    """A run directory, of a search or of given rewards, finished or not. Every access reads the directory anew."""
 
     directory: Path
-    """Kept as a whole path: it is the same run wherever a program goes."""
+    """An absolute path, so that a program may change its working directory."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "directory", whole_path(self.directory))
 
     @property
     def view(self) -> RunView:
-        """All that reports show of it. Look once where you need several things of a large run."""
+        """All that reports show of the run. To use several things of a large run, read it once into a variable."""
         return RunView.read(self.directory)
 
     @property
@@ -139,7 +139,7 @@ class Run:
 
     @property
     def finished(self) -> bool:
-        """Whether it is complete; else `resume` goes on with it. Raises StoreError where there is no run."""
+        """Whether the run is complete; else `resume` continues it. Raises StoreError where there is no run."""
         return finished(*look(self.directory))
 
     @property
@@ -167,7 +167,7 @@ class Run:
 
     @property
     def verdict(self) -> str:
-        """In one sentence, which reward is better."""
+        """One sentence that says which reward is better."""
         return verdict.verdict(self.view)
 
     @property
@@ -183,7 +183,7 @@ class Run:
 
     @property
     def polished(self) -> Polished | None:
-        """What came of carrying the best policy on; None where none is."""
+        """What came of carrying the best policy on (`polish=`); None where none was carried on."""
         return self.view.polished
 
     @property
@@ -193,7 +193,7 @@ class Run:
 
     @property
     def best_reward(self) -> RewardText | None:
-        """The best reward's program; None where nothing is trained yet, or the best comes with the task."""
+        """The best reward's program; None where nothing is trained yet, or the best reward comes with the task."""
         program = artifacts.read(self.directory, "best/reward.py")
         return RewardText(program.decode(errors="replace")) if program is not None else None
 
@@ -205,7 +205,7 @@ class Run:
 
     @property
     def polished_policy(self) -> TrainedPolicy:
-        """The policy that was carried on, where that made a better one. Raises StoreError where it did not."""
+        """The policy that `polish=` carried on. Raises StoreError where there is none, or it did not get better."""
         return TrainedPolicy.of(self._policy("polished"))
 
     def _policy(self, folder: str) -> bytes:
@@ -228,7 +228,7 @@ class Run:
 
         Args:
             seconds: at most 40; a second takes 83 MB.
-            seed: of the start and of the task's chances.
+            seed: of the start state and of the task's random events.
             polished: take `polished_policy`.
             env: the task, where it is a file or a package of your own that this machine does not know yet.
 
@@ -252,7 +252,7 @@ class Run:
 
     @property
     def report(self) -> Path:
-        """Where its report is, a page for a browser, once the run is finished."""
+        """Path of its report, a page for a browser. The file exists once the run is finished."""
         return self.directory / "report.html"
 
     def resume(
@@ -267,7 +267,7 @@ class Run:
 
         Args:
             model: for a search that began with an object of your own: the object again.
-            trust: use what the run names and you never used on this machine: addresses, files, models.
+            trust: use addresses, files and models that the run names, also those that you never used on this machine.
             on_event: as in `search`.
             settings: those that do not change what is searched may be given anew, such as `max_cost`.
         """
@@ -294,7 +294,7 @@ class Run:
 class TrainedPolicy:
     """Called with observations (O,) or (N, O) it returns float32 actions (A,) or (N, A) in [-1, 1], without noise.
 
-    It clips observations as its task does where that is installed; those of another task clip as it does."""
+    It clips observations as its task does, where the task is installed. Where it is not, the caller has to."""
 
     env: str
     """The task it was trained on."""
@@ -303,7 +303,7 @@ class TrainedPolicy:
     actions: int
     """A."""
     clip: float
-    """Largest size of an observation's values: what is beyond is clipped first."""
+    """Observations are clipped to -clip and clip first; infinite where the task is not installed."""
     _player: Player = field(repr=False)
 
     @classmethod

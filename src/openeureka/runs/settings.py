@@ -1,4 +1,4 @@
-"""What Python programs may set, for who checks types: the meaning is that of the fields of `config`, by the same names.
+"""What Python programs may set, for type checkers. Each key means what the field of that name in `config` means.
 
 wanted: openeureka.SearchSettings = {"sample": 8, "steps": 1e6}
 run = openeureka.search("ant", **wanted)

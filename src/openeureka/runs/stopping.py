@@ -1,4 +1,4 @@
-"""How a run at work is stopped, hears of it, and says how to go on."""
+"""How a run at work is stopped, and how it then says what continues it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ POLL = 0.5
 
 @contextmanager
 def continuable(again: str, store: Store) -> Iterator[None]:
-    """Have whatever ends a run say what to write to go on with it."""
+    """Add to whatever ends a run the command that continues it."""
     try:
         yield
     except KeyboardInterrupt:
         raise Interrupted(stopped(again)) from None
-    except Exception as error:  # a programming error stays loud; those of a person's own model or task are many
+    except Exception as error:  # also programming errors, as in a person's own model or task
         said = "What is done is kept. Continue" if _holds_work(store) else "Nothing is done yet. Try again"
         error.add_note(f"{said} with: {again}")
         raise
@@ -36,31 +36,35 @@ def continuable(again: str, store: Store) -> Iterator[None]:
 def _holds_work(store: Store) -> bool:
     try:
         return bool(store.lanes.all() or store.talk.replies())
-    except StoreError:  # may be what ended the run
+    except StoreError:  # the store itself may have ended the run
         return True
 
 
 def stopped(again: str = "") -> str:
-    """Of a run that was stopped on purpose, and the command that goes on with it; empty where only its own does."""
+    """The message for a run that was stopped on purpose.
+
+    Args:
+        again: the command that continues it; empty where only the command that began it does.
+    """
     return f"Stopped, nothing is lost. Continue {f'with: {again}' if again else 'as you began it.'}"
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
     """Handles a signal: says that it was heard, and raises KeyboardInterrupt."""
-    # What is printed right now may be in the middle of a line, and must not be entered twice.
+    # The signal may have interrupted a print, whose buffer must not be entered twice (RuntimeError).
     with suppress(RuntimeError):
         try:
             print(_STOPPING, flush=True)
-        except OSError:  # Ctrl-C has ended who reads this, such as `tee`: the way on is told on the other stream
+        except OSError:  # Ctrl-C also ended the reader, such as `tee`; how to continue goes to stderr
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     signal.default_int_handler(number, frame)
 
 
 @contextmanager
 def announced() -> Iterator[None]:
-    """In the main thread: say at once that Ctrl-C was heard. Keeping a training under way takes some seconds."""
+    """In the main thread: confirm Ctrl-C at once, because saving a training under way takes some seconds."""
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # a shell's background process ignores it
+    if before is not signal.default_int_handler:  # a shell's background process ignores SIGINT
         yield
         return
 
@@ -79,8 +83,8 @@ def announced() -> Iterator[None]:
 def stoppable(directory: Path) -> Iterator[None]:
     """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
 
-    SIGINT itself would not do: shells have processes in the background ignore it. No signal reaches another thread;
-    there the host stops the run.
+    SIGINT itself would not do: a shell's background processes ignore it. In another thread, which no signal reaches,
+    the host stops the run.
     """
     withdraw(directory)
     if threading.current_thread() is not threading.main_thread():

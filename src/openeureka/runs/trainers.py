@@ -1,4 +1,4 @@
-"""What trains the lanes of a run, as its settings say."""
+"""The trainer of a run's lanes, made from its settings."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ..training.curriculum import CurriculumTrainer, shares
 from ..types import Trainer
 
 MOST_EPOCHS = 100_000
-"""Of a training: its curves are stored whole, in a row of at most 64 MiB."""
+"""Most epochs of a training: its curves are stored whole, in a row of at most 64 MiB."""
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, kept in the directory. Raises ConfigError for an
-    executor, a device, a curriculum or ranges that do not exist or do not fit."""
+    """A trainer of the task, or of the stages of a curriculum, which it stores in the directory. Raises ConfigError for
+    an executor, a device, a curriculum or ranges that do not exist or do not fit."""
     if config.address and config.executor == "local":
         raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
     expect_storable(config, config.env, config.steps, "steps=")
@@ -33,12 +33,12 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     options: dict[str, object] = {"device": config.device, "threads": config.threads}
     options |= {"snapshots": directory / "snapshots"}
     options |= {"address": config.address} if config.address else {}
-    trainer: Trainer = EXECUTORS.make(config.executor, **options)  # last: it may start what runs on
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)  # last: it may start processes
     return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
 
 
 def _stages(config: RunConfig) -> tuple[Stage, ...]:
-    """Those of the curriculum. Raises ConfigError where they cannot train with the other settings."""
+    """The stages of the curriculum. Raises ConfigError where they cannot train with the other settings."""
     stages = curriculum.find(config.env, config.curriculum)
     if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
         raise ConfigError(
@@ -51,7 +51,7 @@ def _stages(config: RunConfig) -> tuple[Stage, ...]:
 
 
 def expect_storable(config: RunConfig, env: str, steps: int, said: str) -> None:
-    """A result has a value of each curve and epoch."""
+    """Raises ConfigError for more epochs than `MOST_EPOCHS`: a result has a value of each curve and epoch."""
     recipe = get(env).recipe
     steps, worlds = steps or recipe.env_steps, config.worlds or recipe.worlds
     epochs = steps // (worlds * recipe.horizon)

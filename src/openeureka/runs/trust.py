@@ -1,8 +1,8 @@
 """What a run directory from elsewhere does not decide: whom to ask, what to pay, and which files to read and run.
 
 Settings that reach outside a run are followed when this user has typed them before, on this machine, in a command that
-started a run; others are shown and asked about. The record is kept by value and beside the runs: a run that is moved or
-copied goes on unasked, and no directory can say of itself that it is trusted.
+started a run; the user is asked about all others. The record of typed settings holds their values and lies outside the
+runs: a run that is moved or copied goes on unasked, and no directory can declare itself trusted.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ _REACHES: Mapping[str, tuple[str, Callable[[str], bool]]] = {
     "price": ("is what replies are taken to cost", lambda said: not said),
     "log": ("is sent what the run finishes", lambda said: said == "tensorboard"),
 }
-"""Settings that reach outside a run: what becomes of what each names, and what it may say without doing so."""
+"""Settings that reach outside a run: what happens to the thing that each names, and a test for harmless values."""
 
 
 def claims(config: RunConfig | TrainConfig) -> dict[str, str]:
-    """The settings of a run or a training that reach outside it, by key; paths are whole."""
+    """The settings of a run or a training that reach outside it, by key; paths are absolute."""
     said = {key: str(getattr(config, key, "")) for key in _REACHES}  # a training has fewer settings than a run
     return {
         key: absolute(key, said[key]) for key, (_, inside) in _REACHES.items() if said[key] and not inside(said[key])
@@ -60,7 +60,7 @@ def claims(config: RunConfig | TrainConfig) -> dict[str, str]:
 
 
 def remember(config: RunConfig | TrainConfig) -> None:
-    """Keep what was typed. Where that cannot be written, it will be asked about."""
+    """Record the settings that were typed. Where the record cannot be written, the user is asked again later."""
     fresh = unknown(config)
     if not fresh:
         return
@@ -73,7 +73,7 @@ def remember(config: RunConfig | TrainConfig) -> None:
 
 
 def unknown(config: RunConfig | TrainConfig) -> dict[str, str]:
-    """Those of the `claims` that this user has not typed before."""
+    """The `claims` that this user has not typed before."""
     known = _known()
     return {key: value for key, value in claims(config).items() if _line(key, value) not in known}
 
@@ -97,12 +97,12 @@ def agree(
     way: str,
     asks: bool = False,
 ) -> None:
-    """Have a person agree to what the stored settings of a run reach, unless they typed it, now or before.
+    """Have a person agree to what the stored settings of a run reach, except settings that they typed now or before.
 
     Args:
         typed: keys that are given now.
-        trusted: they agreed beforehand.
-        way: how to, for a message.
+        trusted: whether the person agreed beforehand.
+        way: how to agree, for the error message.
         asks: ask at the terminal, where there is one.
 
     Raises:
