@@ -20,8 +20,8 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
-        env: the run's task, as somebody typed it. Without it nothing is imported but an installed task: not what the
-            settings name, and never what a policy does.
+        env: the run's task, as a person typed it. Without it only an installed task is imported, and no file that the
+            settings name. What a policy names as its task is never imported.
 
     Returns:
         Sentences that say what could not be made, and why.
@@ -64,7 +64,7 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
         other = filming.human(directory) if folder == "best" else None
         captions = ("the best reward", "the human reward") if other is not None else ()
         film = video.render(env, data, beside=other, captions=captions)
-        if artifacts.read(directory, f"{folder}/policy.safetensors") == data:  # a search that goes on may have a better
+        if artifacts.read(directory, f"{folder}/policy.safetensors") == data:  # a search at work may replace it
             artifacts.write(directory, f"{folder}/{VIDEO}", film)
     except (RewardFileError, TaskError, video.VideoUnavailable) as error:
         return str(error)
@@ -86,7 +86,7 @@ def _programs(directory: Path, folder: str, policy: Policy, task: type[Task]) ->
         clip, problem = {"observation_clip": task.clip_observations}, str(error)
         files = {"policy.onnx": export.to_onnx(policy, clip)}
     found = artifacts.names(directory, f"{folder}/{export.ASSETS}")
-    # Others than these are a person's.
+    # Other files in assets/ are a person's own.
     numbered = (f"{export.ASSETS}/{name}" for name in found if name.partition("_")[0].isdigit())
     for name in {*export.PROGRAMS, *numbered} - files.keys():
         artifacts.remove(directory, f"{folder}/{name}")

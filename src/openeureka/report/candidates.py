@@ -73,7 +73,7 @@ class CandidateView:
     verdict: Verdict | None
     result: TrainingResult | None = None
     played: Evaluation | None = None
-    """What its policy scored when it was played to choose by."""
+    """Score of its policy in the episodes that rewards are ranked by."""
     feedback: str = ""
     """What the model is told about it when it becomes a parent."""
     parent: Sample | None = None
@@ -156,7 +156,7 @@ class Reader:
         self._store, self._config, self._history = store, config, history
         self._results, self._played, self._videos = results, played, videos
         self._entries = {entry.sample.place: entry for entry in history.entries}
-        self._parents = {} if config.model == "random" else store.talk.parents()  # chance reads no parent
+        self._parents = {} if config.model == "random" else store.talk.parents()  # model=random ignores its parent
         self._attempts, self._screens = store.rewards.attempts(), store.screens.all()
         self._ranking = strategies.Ranking(history)
 

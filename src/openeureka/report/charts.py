@@ -23,15 +23,15 @@ from .view import RunView
 MAX_POINTS = 150
 """Points kept of a longer curve: no screen shows more in the width of a chart."""
 MAX_LINES = 12
-"""As many as there are colours."""
+"""Most lines of a chart: as many as there are colours."""
 TOO_LARGE = 1e30
 """Values from here on are left out, like undefined ones: no axis could show them beside others."""
 DIGITS = 5
-"""Significant ones of a value; a report holds thousands of them."""
+"""Significant digits of a value; a report holds thousands of values."""
 SPARK = 40
-"""Points of a curve that is as small as a word."""
+"""Most points of a curve that is as small as a word."""
 BESIDE = {"human reward": 3, "sparse reward": 2}
-"""Colours of what candidates are compared with; a candidate's own is 0."""
+"""Colours of the rewards that candidates are compared with; a candidate's own is 0."""
 SHADES = 9
 """Colours of the scale of F, from the lowest to the highest."""
 
@@ -60,7 +60,7 @@ class Chart:
     xs: tuple[float, ...]
     lines: tuple[Line, ...]
     names: tuple[str, ...] = ()
-    """What each x is called, where those are candidates."""
+    """Names of the xs, where these are candidates."""
     bounds: tuple[int, ...] = ()
     """The xs at which a generation begins."""
     note: str = ""
@@ -120,7 +120,7 @@ def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) 
 
 
 def trainings(run: RunView) -> Chart | None:
-    """F during several trainings, by name; of a tuning the final ones, as soon as there are any."""
+    """F during several trainings, by name; for a tuning, only the final ones as soon as there are any."""
     finals = [lane for lane in run.lanes.values() if lane.role == "final" and lane.id in run.results]
     called = {own.id: "before" if name == ORIGINAL else name for name, own in run.texts.items()}
     names = {lane.id: f"{called.get(lane.reward, lane.reward)}, seed {lane.seed}" for lane in finals}
@@ -146,8 +146,8 @@ def under_way(
 
 
 def best_by_candidate(runs: Mapping[str, RunView]) -> list[Chart]:
-    """The best score so far of several searches, by the candidates that each had drawn: a chart for each task of two or
-    more, as every F has a scale of its own."""
+    """The best score so far of several searches, over the number of candidates drawn. Each task with two or more of the
+    searches has its own chart, because its F has its own scale."""
     charts = []
     tasks = Counter(run.config.env for run in runs.values())
     for env in (env for env, count in tasks.items() if count > 1):
@@ -160,7 +160,7 @@ def best_by_candidate(runs: Mapping[str, RunView]) -> list[Chart]:
 
 
 def _best_so_far(run: RunView) -> tuple[float | None, ...]:
-    """The highest score of candidates that may win, after each."""
+    """After each candidate, the highest score so far of those that may win."""
     limits = run.config.cost_limits
     lost = (own.vetoed or (own.played is not None and own.played.broken(limits)) for own in run.candidates)
     scores = [None if out else own.score for out, own in zip(lost, run.candidates, strict=True)]
@@ -168,11 +168,12 @@ def _best_so_far(run: RunView) -> tuple[float | None, ...]:
 
 
 def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[str, float]) -> Chart | None:
-    """Steps up of what was reached by environment steps, and levels to compare with; None before anything rose twice.
+    """What was reached over environment steps, as step curves, and levels to compare with. None where all points lie at
+    one number of steps.
 
     Args:
-        lines: by name, environment steps and the value from there on, in order; in the colours of their places.
-        levels: by name, a value that needed none.
+        lines: by name, pairs of environment steps and the value from there on, in order. Colours follow the order.
+        levels: by name, a value that took no steps.
     """
     xs = sorted({steps for points in lines.values() for steps, _ in points})
     if len(xs) < 2:
@@ -208,7 +209,7 @@ def spark(curve: Curve, width: float = 80.0, height: float = 20.0) -> str:
 
 
 def _curves(title: str, curves: Mapping[str, Curve], what: str = "", beside: Mapping[str, int] = {}) -> Chart | None:
-    """Curves over epochs, thinned alike."""
+    """Curves over epochs, all thinned to the same epochs."""
     drawn = dict(list(curves.items())[:MAX_LINES])
     longest = max(map(len, drawn.values()), default=0)
     xs = sorted({*_kept(longest), *(len(curve) - 1 for curve in drawn.values() if curve)})
@@ -217,13 +218,13 @@ def _curves(title: str, curves: Mapping[str, Curve], what: str = "", beside: Map
 
 
 def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
-    """Of a long curve every n-th place and the last."""
+    """Indices that are kept of a curve: every n-th and the last."""
     kept = [*range(0, length, max(1, math.ceil(length / most)))]
     return kept if not kept or kept[-1] == length - 1 else [*kept, length - 1]
 
 
 def _lines(curves: Mapping[str, Curve], beside: Mapping[str, int] = {}, kind: Kind = "line") -> list[Line]:
-    """One for each curve; those to compare with are dashed, in colours of their own."""
+    """A line for each curve; those in `beside`, to compare with, are dashed and in their own colours."""
     return [
         Line(
             name=name,
@@ -283,16 +284,16 @@ class Member:
     shade: int | None
     """0 to SHADES - 1, from the lowest F to the highest; None without one."""
     parent: tuple[float, float] | None
-    """Where the one stands that it improves on."""
+    """Position of the candidate that it improves on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
-    """Who came from whom: a column a generation."""
+    """The family tree: which candidate improves on which, with a column for each generation."""
 
     members: tuple[Member, ...]
     heads: tuple[tuple[float, str], ...]
-    """Where the name of each column stands, and the name."""
+    """Position and name of each column."""
     width: float
     height: float
     low: float | None
@@ -314,7 +315,7 @@ def family(run: RunView) -> Family | None:
     members: list[Member] = []
 
     def height(candidate: CandidateView) -> float:
-        """Of its parent."""
+        """Height of the candidate's parent."""
         return at.get(candidate.parent.place, (0.0, 0.0))[1] if candidate.parent is not None else 0.0
 
     for column, generation in enumerate(run.generations):

@@ -12,7 +12,7 @@ from .view import RunView
 
 
 def table(run: RunView, shown: Container[str] = COSTS) -> Table:
-    """A row for each policy that was played, candidates before baselines; no rows where nothing that is to be shown is
+    """A row for each policy that was played, candidates before baselines; no rows where none of the costs to show was
     measured."""
     scores = _scores(run)
     limits = run.config.cost_limits

@@ -14,19 +14,19 @@ from .view import RunView
 CLOSE = 2.5
 """[% of the width] below which two dots would cover each other."""
 TICKS = 4
-"""About as many."""
+"""About the number of ticks of the axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One reward's final trainings; places are percents of the width."""
+    """One reward's final trainings; positions are in % of the width."""
 
     name: str
     scores: tuple[float, ...]
     """F held out, of each seed."""
     mean: float
     seeds: tuple[tuple[float, int], ...]
-    """Where each dot stands, and how many stand above it."""
+    """Position of each dot, and how many dots stand above it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +37,20 @@ class DotPlot:
     """What is decided."""
     rows: tuple[Row, Row]
     bar: tuple[float, float] | None
-    """The 95 % interval of the difference, laid from the human reward's mean; None with one seed of either."""
+    """The 95 % interval of the difference, added to the human reward's mean; None with one seed of either."""
     ticks: tuple[tuple[float, str], ...]
 
     @property
     def most(self) -> int:
-        """Dots that stand above the lowest one."""
+        """Most dots that stand above another one."""
         return max(level for row in self.rows for _, level in row.seeds)
 
 
 def of(run: RunView) -> DotPlot | None:
     """The plot; None where the verdict compares no two scores.
 
-    The bar is the interval that the verdict goes by: it allows for all that was tried. Intervals of each reward's own
-    mean would not, and two of them may overlap where the difference is sure.
+    The bar is the interval that the verdict goes by: it allows for the number of rewards that were tried. Intervals of
+    the two means would not, and they may overlap where the difference is sure.
     """
     ended = run.outcome
     if ended is None or not ended.word:
@@ -76,7 +76,7 @@ def of(run: RunView) -> DotPlot | None:
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:
-    """Of the axis: a twentieth of it is left free at either end."""
+    """Ends of the axis: a twentieth of it is left free at either end."""
     low, high = min(values), max(values)
     beyond = (high - low) / 18 or abs(low) / 10 or 1.0
     return low - beyond, high + beyond

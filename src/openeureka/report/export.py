@@ -1,4 +1,4 @@
-"""A policy as ONNX, for those without PyTorch, and learning curves for TensorBoard: files for other programs."""
+"""A policy as ONNX, its files for a robot, and learning curves for TensorBoard."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from .sim2sim import Robot, Senses
 OPSET = 17
 """Old enough for runtimes since 2022."""
 PROGRAMS = ("policy.onnx", "deploy.yaml", "scene.xml", "sim2sim.py")
-"""What `deployed` may give, beside files in `ASSETS`."""
+"""Files that `deployed` may make, besides those in `ASSETS`."""
 ASSETS = "assets"
 EVENTS = "events.out.tfevents.0"
 """TensorBoard recognises event files by `tfevents` in their name."""
 
 
 class NotRenewed(TaskError):
-    """The files of a policy cannot be made of the task as it is here; those that there are may be right."""
+    """The files of a policy cannot be made from the task as it is here; the existing ones may still be right."""
 
 
 def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
@@ -48,15 +48,16 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
 
     O counts what the policy sees: the task's observation without the columns in `observation_unseen`.
 
-    Of C choices `action` is (N, C) int64: the index of the option of each. Inside are the task's clip of observations
-    and normalisation, (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+    For a task with C choices `action` is (N, C) int64: the index of the option of each choice. Inside the file are the
+    task's clip of observations, their normalisation (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a
+    linear head.
 
     Args:
-        about: what the file's metadata say of the task, as `described` gives it: text, lists with commas. Its
-            `observation_clip` is where the task clips observations; nowhere where it is not said.
+        about: the file's metadata on the task, as `described` gives it; lists are written with commas. Observations are
+            clipped at its `observation_clip`, or not at all without one.
 
     Raises:
-        RewardFileError: when its tensors are those of no network.
+        RewardFileError: when the policy's tensors make no network.
     """
     policy.expect()
     known = {"env": policy.env, "observation_clip": math.inf, "observation_unseen": list(policy.unseen)}
@@ -71,7 +72,7 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
         "scale": 1.0 / np.sqrt(tensors["observation_var"][:, seen] + EPSILON),
         "low": np.array(-LIMIT),
         "high": np.array(LIMIT),
-        "head_w": tensors["head_w"][:, :count],  # without the value
+        "head_w": tensors["head_w"][:, :count],  # without the column of the value
         "head_b": tensors["head_b"][:, :count],
     }
     observed = "observation"
@@ -123,14 +124,14 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
 
 
 def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
-    """Files beside policy.onnx by name, that one included: what runs the policy without openeureka.
+    """The files that run the policy without openeureka, by name: policy.onnx and others.
 
-    Of a task that says nothing of its observation deploy.yaml says so, and is alone.
+    For a task without a `deployment` they are policy.onnx and deploy.yaml alone.
 
     Raises:
-        RewardFileError: when the policy is none of this task.
-        NotRenewed: when the task says something else than when the policy was trained, or its model lacks files.
-        TaskError: when the task's `deployment` is not what it observes and does.
+        RewardFileError: when the policy does not fit the task.
+        NotRenewed: when the task has changed since the policy was trained, or its model lacks files.
+        TaskError: when the task's `deployment` is not what the task observes and does.
     """
     if task.deployment is not None:
         policy.expect(task.num_observations, task.num_actions)
@@ -186,8 +187,8 @@ def _scene(task: type[Task]) -> dict[str, bytes]:
 
 
 def _expect_same(task: type[Task]) -> None:
-    """Raises TaskError where the script makes another observation than the task, or sets other targets. Commands, which
-    the task alone knows, are not compared."""
+    """Raises TaskError where sim2sim.py makes another observation than the task, or sets other targets. Commands, which
+    only the task knows, are not compared."""
     env = BatchedEnv(task, worlds=4, threads=1)
     env.reset()
     actions = torch.rand(4, task.num_actions, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
@@ -237,10 +238,10 @@ _HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions
 
 
 def events_of(result: TrainingResult) -> bytes:
-    """The event file of a training: one scalar per curve and epoch, over environment steps, or over epochs where it
-    counts no steps, from time 0 on. Equal trainings give equal bytes: no host name goes in.
+    """The event file of a training: one scalar per curve and epoch, over environment steps, or over epochs where no
+    steps were counted. Times begin at 0 and no host name goes in, so equal trainings give equal bytes.
 
-    Epochs that no clock tells of are taken to last equally long.
+    Epochs without a stored time are taken to last equally long.
     """
     curves, first, clock = result.over_epochs, result.steps_before, result.clock
     epochs = max(map(len, curves.values()), default=0)

@@ -1,8 +1,8 @@
 """Videos of every trained policy, made while the search goes on.
 
 A thread hands one policy after the other to a child process of the lowest priority, so that no training waits for a
-picture. What is not filmed when the search ends is waited for; what is not when it is stopped, is filmed by `eureka
-resume` or `eureka report`: a video is missing exactly when its file is.
+picture. A search that ends waits for its last videos. A search that is stopped leaves them to `eureka resume` or
+`eureka report`: a video is missing exactly when its file is.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TIMEOUT = 3600.0
 
 
 def missing(directory: Path) -> dict[str, bytes]:
-    """By lane id, the policies that count of those lanes of the search that are trained and not filmed."""
+    """The policies to film, by lane id: of each lane that is trained and not filmed, the policy that counts."""
     with Store.view(directory) as store:
         # Of the final trainings, and of those that carry a policy on, only the best is filmed: `best/`, `polished/`.
         lanes = [lane.id for lane in store.lanes.all().values() if lane.role not in ("final", "polish", "robust")]
@@ -40,13 +40,13 @@ def missing(directory: Path) -> dict[str, bytes]:
 
 
 def policies(store: Store, lanes: Iterable[str]) -> dict[str, bytes]:
-    """By lane id, the policies that count, where there is one."""
+    """The policy that counts for each lane, by lane id; lanes without a policy are left out."""
     found = {lane: store.lanes.policy(lane, peak) for lane, peak in _counted(store, lanes).items()}
     return {lane: policy for lane, policy in found.items() if policy is not None}
 
 
 def kept(directory: Path, lanes: Iterable[str]) -> frozenset[str]:
-    """The lanes of which the policy that counts lies in the folder."""
+    """The lanes for which the file of the policy that counts exists."""
     with Store.view(directory) as store:
         return frozenset(lane for lane, peak in _counted(store, lanes).items() if store.lanes.has_policy(lane, peak))
 
@@ -57,16 +57,16 @@ def _counted(store: Store, lanes: Iterable[str]) -> dict[str, Peak]:
 
 
 def human(directory: Path) -> bytes | None:
-    """The policy of the task's own reward, where the run has trained it."""
+    """The policy of the human reward, where the run has trained it as a baseline."""
     with Store.view(directory) as store:
         lanes = [lane.id for lane in store.lanes.all().values() if lane.role == "baseline" and lane.reward == "human"]
         return next(iter(policies(store, lanes).values()), None)
 
 
 def film(directory: Path, env: str, trained: Iterable[tuple[str, bytes]], *, background: bool = False) -> str:
-    """Write the video of each lane. Returns why there is one less, as a sentence, or an empty string.
+    """Write the video of each lane. Returns why a video is missing, as a sentence, or an empty string.
 
-    A policy that cannot be shown is skipped; a machine that cannot render is asked once.
+    A policy that cannot be shown is skipped. Where the machine cannot render at all, only the first one is tried.
     """
     problem = ""
     for lane, policy in trained:
@@ -86,7 +86,7 @@ def _place(lane: str) -> str:
 
 
 class Filming:
-    """Films what a search tells of as it ends a training; a context that ends with the search."""
+    """Films the new policies of a search after each generation; a context that ends with the search."""
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
         self._directory, self._config = directory, config
@@ -113,7 +113,7 @@ class Filming:
 
     @property
     def waiting(self) -> int:
-        """Policies that nobody has begun to film."""
+        """Number of policies whose filming has not begun."""
         return self._policies.qsize()
 
     def __call__(self, event: Event) -> None:

@@ -12,13 +12,14 @@ from ..types import TrainingResult, of_components
 STILL = 1e-3
 """A component whose mean changes by less than this share of its largest size never moved."""
 DOMINANT = 0.9
-"""Of what all components pay together, a share that leaves the others no say."""
+"""Share of what all components pay that leaves the others no say."""
 FALL = 0.2
-"""Of the span of F: what it must lose after its peak, or gain in the last fifth, to be spoken of."""
+"""Share of the span of F that F must lose after its peak for a hint, or gain in a fifth of the training at its last
+pace."""
 UNACCOUNTED = 0.05
-"""Of the reward at the end: what components may miss of it and still be its parts."""
+"""Share of the reward at the end by which the sum of its components may miss it."""
 WORTH = 0.1
-"""Of the best F there is: a span of F below it is noise on the floor."""
+"""Share of the best F: a span of F below it counts as noise."""
 LEAST = 20
 """Epochs below which a curve says too little."""
 
@@ -26,7 +27,7 @@ Curve = Sequence[float | None]
 
 
 def hints(result: TrainingResult | None, best: float | None = None) -> tuple[str, ...]:
-    """Sentences on a training, the gravest first; none of one that is too short to tell.
+    """Sentences on a training, the most serious first; none on a training that is too short.
 
     Args:
         best: the highest F of the run, to tell a fall from noise; None where none is known.
@@ -37,8 +38,8 @@ def hints(result: TrainingResult | None, best: float | None = None) -> tuple[str
 
 
 def shares(result: TrainingResult | None) -> dict[str, float]:
-    """What each component contributed: its part of all that they paid, by size, over the last tenth of the training.
-    Empty where they do not add up to the reward, as factors of a product and terms before their weights do not."""
+    """Share of each component in what all components paid, by absolute value, over the last tenth of the training.
+    Empty where they do not add up to the reward, as factors of a product or terms without their weights."""
     ends = _ends(result)
     total = sum(map(abs, ends.values()))
     return {name: abs(end) / total for name, end in ends.items()} if total and adds_up(result) else {}
@@ -94,12 +95,12 @@ def _of_components(result: TrainingResult) -> Iterator[str]:
 
 
 def _still(name: str, value: float) -> str:
-    """What is paid at every step alike makes a longer episode worth more, or less."""
+    """On a component that pays the same at every step: it makes a longer episode worth more, or less."""
     if not value:
         return f"{name} was always 0: it teaches nothing."
     return f"{name} stayed at {number(value)}: all it can teach is how long to last."
 
 
 def _end(curve: Curve) -> Curve:
-    """The last tenth."""
+    """The last tenth of a curve."""
     return curve[-max(1, len(curve) // 10) :]

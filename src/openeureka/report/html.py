@@ -36,31 +36,31 @@ from .candidates import CandidateState, CandidateView
 from .view import FOLDERS, RunView
 
 MAX_EMBEDDED = 8 << 20
-"""Bytes of a video that goes into the page itself; the page is meant to be mailed."""
+"""Largest video that goes into the page itself [bytes]; the page is meant to be mailed."""
 LIMITS = {"TEXT": 30_000, "CELL": 400, "NAME": 60}
 """Characters shown of a text, of a cell and of a name."""
 CONTEXT = 3
 """Unchanged lines shown around a change."""
 MAX_CHARACTERS = 40_000
-"""A longer program was refused for its size; comparing it would take minutes."""
+"""Longest program that is compared [characters]: a longer one was refused for its size, and would take minutes."""
 MAX_LINES = 500
-"""Of a program that is compared: so would many lines that are alike."""
+"""Most lines of a program that is compared: many that are alike would take minutes too."""
 STYLE = ("vendor/pico.min.css", "vendor/uPlot.min.css", "page.css")
 SCRIPT = ("vendor/uPlot.iife.min.js", "page.js")
 """Files that every page shares, the report too."""
 PAGE_SCRIPT = (*SCRIPT, "ui/follow.js", "ui/play.js")
-"""What `eureka ui` has besides."""
+"""The scripts of `eureka ui`."""
 Kind = Literal["added", "removed", "kept", "place"]
 COLOURED = {
     *("k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa"),
     *("mi", "mf", "mh", "c1", "ch", "cm", "nb", "bp"),
 }
-"""Kinds of words, as Pygments calls them, that the style sheet has a colour for."""
+"""Pygments' names for the tokens that the style sheet has a colour for."""
 _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "place"}
 
 
 def report(run: RunView, directory: Path) -> str:
-    """The page. Videos of what a run has found are part of it, those of single candidates are linked."""
+    """The page. Videos of the policies that a run has found are embedded, those of single candidates are linked."""
     found = {name: _embedded(directory, run.videos[name]) for name in FOLDERS if name in run.videos}
     run, where = replace(run, videos={**run.videos, **found}), _here(directory)
     return (
@@ -80,29 +80,29 @@ def report(run: RunView, directory: Path) -> str:
 
 
 def notebook(kind: Literal["run", "candidate", "reward"], *shown: object) -> str:
-    """What a notebook shows of a noun: a block with a style of its own, that fetches and runs nothing."""
+    """What a notebook shows of a noun: a block with its own style, which fetches and runs nothing."""
     macros: Any = environment().get_template("notebook.html").make_module({"best_first": _best_first})
     return str(getattr(macros, f"of_{kind}")(*shown))
 
 
 def _best_first(run: RunView) -> list[CandidateView]:
-    """Those without a score last, in order."""
+    """The candidates by score, the best first; those without a score come last, in order."""
     return sorted(run.candidates, key=lambda c: math.inf if c.score is None else -c.score)
 
 
 def intent(env: str) -> str:
-    """The sentence of a task that is installed; a report does not import other people's files."""
+    """The description of a task that is installed; a report does not import other people's files."""
     task = registry.offered(env)
     return task.description if task is not None else ""
 
 
 def nexts(run: RunView, directory: Path, where: str) -> list[tuple[str, str]]:
-    """What to type next, the run being called `where`."""
+    """What to type next, with `where` for the run's directory."""
     return verdict.nexts(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
 
 
 def _here(directory: Path) -> str:
-    """The run as a person types it; a report that is passed on names no folder of theirs above where they were."""
+    """The run as a person types it in the working directory. A report that is passed on names no folder above that."""
     try:
         return str(directory.resolve().relative_to(Path.cwd()))
     except ValueError:
@@ -119,7 +119,7 @@ def _embedded(directory: Path, path: str) -> str:
 
 @cache
 def environment() -> Environment:
-    """Of the folder `templates`, with all that reports show at hand."""
+    """The template engine of the folder `templates`, with all that reports show."""
     environment = Environment(
         loader=PackageLoader("openeureka"),
         autoescape=True,
@@ -154,24 +154,24 @@ def environment() -> Environment:
 
 
 def text(name: str) -> str:
-    """A file of the folder as it is."""
+    """A file of the folder `templates` as it is."""
     return (files("openeureka") / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache
 def together(names: tuple[str, ...]) -> Markup:
-    """Files of the folder as one, to stand in a page as they are."""
+    """Files of the folder `templates` as one, to stand in a page without escapes."""
     return Markup("\n".join(map(text, names)))
 
 
 @cache
 def source_hash(names: tuple[str, ...]) -> str:
-    """What a content security policy knows the same by."""
+    """The hash by which a content security policy allows these files."""
     return "sha256-" + base64.b64encode(hashlib.sha256(together(names).encode()).digest()).decode()
 
 
 def code(source: str) -> Markup:
-    """A program with its words in colours: text that is escaped, in spans where there is a colour."""
+    """A program in colours: escaped text, with a span around each token that has a colour."""
     words = (
         (STANDARD_TYPES.get(kind, ""), text) for kind, text in PythonLexer(stripnl=False).get_tokens(plain(source))
     )
@@ -188,12 +188,12 @@ def data(noun: object) -> str:
 
 
 def _inert(value: object) -> object:
-    """Every value on its way into the page; the engine escapes it after this. Markup is what the template made."""
+    """Cleans every value on its way into the page; the engine then escapes it. Markup, which templates made, passes."""
     return value if isinstance(value, Markup) else plain(str(value))
 
 
 def cut(text: str, limit: int) -> str:
-    """At most `limit` characters of a text, and how many more there are; of a name three dots say it."""
+    """At most `limit` characters of a text, and how many more there are; a name that is cut ends in three dots."""
     more = len(text) - limit
     if more > 0 and limit <= LIMITS["NAME"]:
         return f"{text[:limit]}…"
@@ -201,7 +201,7 @@ def cut(text: str, limit: int) -> str:
 
 
 def model(setting: str) -> str:
-    """What a model is called: of a file with replies its name, without the way to it; a dash where none writes."""
+    """The name of a model. A replay is named after its run, without the path; a run without a model has a dash."""
     if setting == NO_MODEL:
         return "-"
     kind, separator, path = setting.partition(":")
@@ -209,7 +209,7 @@ def model(setting: str) -> str:
 
 
 def breakable(text: str) -> Markup:
-    """A name that may go on in the next line after a colon, a slash or an underscore; copied, it is as it was."""
+    """A name that may wrap after a colon, a slash or an underscore; a copy of it is unchanged."""
     escaped = str(escape(plain(text)))  # re.sub would escape what it puts into a Markup
     return Markup(re.sub("([:/_])", r"\1<wbr>", escaped))
 
@@ -222,8 +222,8 @@ class Line(NamedTuple):
 
 
 def changes(candidate: CandidateView) -> tuple[Line, ...]:
-    """What a program changed of its parent, a unified diff; empty without a parent, without a change, or where either
-    program is too long."""
+    """What a program changed in its parent, as a unified diff; empty without a parent, without a change, or where
+    either program is too long."""
     own, parent = candidate.program, candidate.parent.candidate if candidate.parent else None
     if own is None or parent is None or max(len(own.source), len(parent.source)) > MAX_CHARACTERS:
         return ()

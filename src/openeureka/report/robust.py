@@ -1,4 +1,4 @@
-"""What ranges made of the best policy: tables, and a sentence."""
+"""What `eureka robust` made of the best policy: tables, and a verdict."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from .verdict import decided
 
 
 def verdict(found: Robust) -> str:
-    """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs. Where it
-    went on from the policy before, more training alone may be why: it is compared with one that had as much."""
+    """Whether the proposed ranges made a policy that is better in hard worlds, and what that costs in its own world. A
+    policy that went on from the best one may be better for its longer training alone, so it is compared with a policy
+    that trained as long."""
     by_name = {arm.name: arm for arm in found.arms}
     ours, plain = by_name.get(found.ours), by_name[PLAIN]
     longer, uniform = by_name.get(LONGER), by_name.get(UNIFORM)
@@ -70,7 +71,7 @@ def worlds(found: Robust) -> Table:
 
 
 def carried(found: Robust) -> Table:
-    """From where to where each policy works, one quantity at a time."""
+    """The range of each quantity in which a policy works, before and after, one quantity changed at a time."""
     after = {one.name: one for one in found.after}
     rows = [
         (one.name, _span(one.low, one.high), _span(after[one.name].low, after[one.name].high) if after else "-")

@@ -21,7 +21,7 @@ FOLDER = Path(__file__).parent
 
 
 class Senses:
-    """What a policy sees, and what its actions ask for, by what policy.onnx says of itself."""
+    """The observation of a policy and the targets of its actions, by the metadata of policy.onnx."""
 
     def __init__(self, facts: Mapping[str, str]) -> None:
         self.joints, self.terms, self.commands = (
@@ -44,8 +44,8 @@ class Senses:
         rates: np.ndarray,
         command: Sequence[float],
     ) -> np.ndarray:
-        """(O,) of the base's rotation (3, 3) to the world, its velocities in the base's frame [m/s], [rad/s], and the
-        joints' angles [rad] and rates [rad/s] in the order of `joints`."""
+        """The observation (O,), from the base's rotation (3, 3) to the world, its velocities in the base's frame [m/s],
+        [rad/s], and the joints' angles [rad] and rates [rad/s] in the order of `joints`."""
         down = np.array([0.0, 0.0, -1.0])
         parts = {
             "base_linear_velocity": linear,
@@ -61,7 +61,7 @@ class Senses:
         return np.clip(observation, -self.clip, self.clip).astype(np.float32)
 
     def targets(self) -> np.ndarray:
-        """Of the joints [rad], for the last action."""
+        """Joint targets [rad] of the last action."""
         return np.clip(self.default + self.scale * self.action, self.low, self.high)
 
 
@@ -69,13 +69,13 @@ class Controller(Senses):
     """A policy with its observation: a robot's state to joint targets."""
 
     def __init__(self, folder: Path = FOLDER) -> None:
-        import onnxruntime  # not for those who check the observation alone
+        import onnxruntime  # not needed to check the observation alone
 
         self.session = onnxruntime.InferenceSession(str(folder / "policy.onnx"), providers=["CPUExecutionProvider"])
         super().__init__(self.session.get_modelmeta().custom_metadata_map)
 
     def act(self, observation: np.ndarray) -> np.ndarray:
-        """Joint targets [rad]; keeps the action, which the next observation holds."""
+        """Joint targets [rad]. It keeps the action, which is part of the next observation."""
         (action,) = self.session.run(["action"], {"observation": observation[None]})
         self.action = np.asarray(action, float)[0]
         return self.targets()
@@ -97,7 +97,7 @@ class Robot:
         mujoco.mju_quat2Mat(rotation, self.data.qpos[self.place + 3 : self.place + 7])
         rotation = rotation.reshape(3, 3)
         linear = rotation.T @ self.data.qvel[self.speed : self.speed + 3]  # MuJoCo's is in the world's frame
-        angular = self.data.qvel[self.speed + 3 : self.speed + 6].copy()  # and this one is in the base's already
+        angular = self.data.qvel[self.speed + 3 : self.speed + 6].copy()  # this one is in the base's frame already
         return rotation, linear, angular, self.data.qpos[self.positions], self.data.qvel[self.velocities]
 
 
@@ -106,7 +106,7 @@ def play(controller: Controller, command: Sequence[float], seconds: float, view:
     model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene.xml"))
     data = mujoco.MjData(model)
     robot = Robot(model, data, controller.joints)
-    if model.nkey:  # where drafted tasks begin
+    if model.nkey:  # drafted tasks begin at their keyframe
         mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qpos[robot.positions] = controller.default
     mujoco.mj_forward(model, data)

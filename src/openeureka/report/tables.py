@@ -20,7 +20,7 @@ from .candidates import CandidateView
 from .view import RunView
 
 MOST_REWARDS = 4
-"""Given rewards in the head of a run; the table below holds all."""
+"""Most given rewards in the head of a run; the table below holds all."""
 SCALE = (
     "0 is as good as the sparse reward, 1 as the human one; none where the sparse one is no worse, or where it is not "
     "decided which of the two rewards is better."
@@ -82,7 +82,7 @@ def tiles(run: RunView) -> list[Tile]:
 
 
 def _final(outcome: Outcome) -> list[Tile]:
-    """What the verdict rests on. The best of the search's own scores flatters."""
+    """The scores that the verdict rests on. The search's own best score flatters."""
     found = _tiles({"generated reward": outcome.method, "human reward": outcome.human})
     if (score := on_scale(outcome)) is not None:
         found.append(Tile("score, held out", number(score, 3), "0: sparse, 1: human reward"))
@@ -165,7 +165,7 @@ def given(run: RunView) -> Table:
 
 
 def polished(run: RunView, found: Polished) -> Table:
-    """A row for the policy that was carried on, and one for each lane that did."""
+    """A row for the policy that was carried on, and one for each lane that carried it on."""
     began, held_out = run.lanes.get(found.began.lane), scored(found.before)
     own = _reward(run, began.reward) if began is not None else "-"
     rows = [
@@ -190,14 +190,14 @@ def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
 
 
 def _reward(run: RunView, identity: str) -> str:
-    """What people call a reward: its first place in the search, or the weighting that it is."""
+    """What people call a reward: its first place in the search, or its name as a weighting."""
     places = (str(slot.place) for slot in run.candidates if slot.program is not None and slot.program.id == identity)
     names = (name for name, candidate in run.texts.items() if candidate.id == identity)
     return next(places, "") or next(names, identity)
 
 
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
-    """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
+    """Held-out F of the human and the sparse reward, trained in the run or known beforehand, and a note on both."""
     text, origin = "Score: human-normalised, (F - sparse) / |human - sparse|, held out.", ""
     rewards, known = run.given, baselines.measured(run.config)
     if "human" in rewards and "sparse" in rewards:
@@ -224,8 +224,8 @@ def measures(outcome: Outcome) -> Table:
 
 
 def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None:
-    """The human-normalised score, held out or on maxima over training; None where it would say nothing: before it is
-    decided which of the two rewards is better, or where the 0 of the scale is no worse than its 1 (see `SCALE`)."""
+    """The human-normalised score, held out or on maxima over training. None while it is not decided whether the
+    generated or the human reward is better, and where the sparse reward is no worse than the human one."""
     if outcome is None or outcome.difference is None or not outcome.difference.sure:
         return None
     rewards = outcome.method, outcome.human, outcome.sparse
@@ -233,7 +233,7 @@ def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None
 
 
 def exploits(run: RunView) -> Table:
-    """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
+    """The signs of an exploited reward that were looked for, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
     looked = worlds(run).rows and any(UNTRAINED in lane.tryouts for lane in run.tried)
     unseen = {Kind.FRAGILITY: "not seen" if looked else "not looked at"}
@@ -264,8 +264,7 @@ def worlds(run: RunView) -> Table:
 
 
 def generations(run: RunView) -> Table:
-    """A row per finished generation. Its mean F is of the slots that its best is one of: those with a score, whose
-    policies keep the limits."""
+    """A row per finished generation. Best and mean F are of the slots with a score whose policies keep the limits."""
     done, steps = run.history.generations, Counter[int]()
     for entry, added in run.history.spent():
         steps[entry.sample.generation] += added
@@ -321,7 +320,7 @@ def _episodes(score: Evaluation | None) -> str:
 
 
 def said(remarks: Sequence[Remark]) -> str:
-    """What a person said, a remark after the other; words as they came, for a renderer to make inert."""
+    """A person's remarks, one after the other. Words are left as they are: a renderer makes them inert."""
     return "\n".join(_said(remark) for remark in remarks)
 
 

@@ -1,4 +1,4 @@
-"""What came of a search, in one sentence that opens every account of it."""
+"""What came of a run, in one sentence that opens every report; and what to type next."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..types import of_components
 from .view import RunView
 
 WORTH_REPEATING = (*AS_TRAINED, "device", "executor", "address")
-"""Settings of a search that its reward trains with again, where they are not the task's own."""
+"""Settings of a run that `deciding` repeats, where they are not the defaults."""
 
 FEWEST = 3
-"""Seeds that are worth a training of their own."""
+"""Fewest seeds that a further training is proposed with."""
 
 
 def verdict(run: RunView) -> str:
-    """Which reward is better: the generated or the human one, of given ones the first or the second, or a tuned one
-    before or after."""
+    """Which reward is better: after a search the generated or the human one, of given rewards the best or the second,
+    after a tuning the one before or after."""
     scores = [*run.played.values(), *run.evaluations.values()]
     if scores and all(score.lost and not score.episodes for score in scores):
         return (
@@ -39,7 +39,7 @@ def verdict(run: RunView) -> str:
 
 
 def of_tuning(found: Tuned | None) -> str:
-    """Whether the fitted numbers are better than those that came."""
+    """Whether the fitted numbers are better than the original ones."""
     if found is not None and found.alone:
         return (
             f"The numbers stay as they came: no other weighting trained to a policy that could be scored.{_lost(found)}"
@@ -63,7 +63,7 @@ def of_tuning(found: Tuned | None) -> str:
 
 
 def _lost(found: Tuned) -> str:
-    """How many weightings were refused or did not train, and why the first was."""
+    """How many weightings were refused or failed, and the reason for the first."""
     name, reason = next(iter(found.lost.items()), ("", ""))
     others = len(found.trials) - 1
     return (
@@ -91,7 +91,7 @@ def of_polishing(found: Polished) -> str:
 
 
 def _of_given(rewards: Mapping[str, SeedScores]) -> str:
-    """The given reward of highest held-out F beside the next."""
+    """The given reward of highest held-out F, compared with the second."""
     ordered = _ordered(rewards)
     if not rewards or not any(rewards[name].held_out for name in ordered):
         return "No reward has been trained yet."
@@ -119,7 +119,7 @@ def _of_two(rewards: Mapping[str, SeedScores], best: str, next_: str) -> Differe
 
 
 def _of_search(run: RunView) -> str:
-    """From held-out scores of fresh trainings."""
+    """The verdict of a search, from held-out scores of its final trainings."""
     outcome = run.outcome
     if reason := limits_reason(run):
         return reason
@@ -161,8 +161,8 @@ def limits_reason(run: RunView) -> str:
 
 
 def none_found(run: RunView) -> str:
-    """Why a search that is over found no reward: what was said of one of the newest replies. Empty where it found one,
-    goes on, or limits are the reason."""
+    """Why a search that is over found no reward, with a finding on one of the newest replies. Empty where it found one,
+    is not over, or limits are the reason."""
     done = run.history.generations
     if not run.searched or run.best is not None or len(done) < run.config.generations or limits_reason(run):
         return ""
@@ -175,7 +175,7 @@ def none_found(run: RunView) -> str:
 
 
 def meaning(run: RunView) -> str:
-    """What F counts, of a task that is installed; a report does not import other people's files."""
+    """What F measures, where the task is installed: a report does not import other people's files."""
     task = registry.offered(run.config.env)
     found = scale(task.score_unit, task.score_range) if task is not None else ""
     return f"F: {found}; higher is better." if found else "F is the task's own score; higher is better."
@@ -192,7 +192,7 @@ def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tu
     """What to type next: the command, and what it does.
 
     Args:
-        kept: whether the run's files are there; its rows alone play and train nothing.
+        kept: whether the run's files exist; without them nothing can be played or trained.
     """
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
     if none_found(run) or limits_reason(run):
@@ -212,8 +212,8 @@ def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tu
 
 
 def deciding(run: RunView, directory: str = "DIR") -> str:
-    """The command that decides what a run left open, where so many seeds are within reach: the two rewards train with
-    seeds that chose neither. Empty where nothing is open.
+    """The command that may decide what a run left open: the two rewards train with seeds by which neither was chosen.
+    Empty where nothing is open, or too many seeds would be needed.
     """
     config, left = run.config, _left_open(run, directory)
     if left is None:
@@ -233,14 +233,14 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
 
 
 def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[str, str]] | None:
-    """The difference between the two rewards that the verdict speaks of, None with one seed, and where they are; None
-    where it compares none.
+    """The difference between the two rewards that the verdict compares (None with one seed), and what `reward=` names
+    them by. None where the verdict compares no rewards.
     """
     if run.searched:
         ended, own = run.outcome, run.best.program if run.best is not None else None
         if ended is None or own is None or not beside(run.config) or not (ended.method.scores and ended.human.scores):
             return None
-        kept = "best" if run.fitted is None else f"candidates/{own.id}"  # with fitted numbers it is another reward
+        kept = "best" if run.fitted is None else f"candidates/{own.id}"  # else best/ holds another reward
         return ended.difference, ("human", f"{directory}/{kept}/reward.py")
 
     def file(name: str) -> str:
@@ -264,7 +264,7 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
 
 
 def _mean_of(own: SeedScores) -> str:
-    """Mean over seeds, and how many there are; what they leave open, the interval of the difference says."""
+    """Mean over seeds, and how many there are. The interval of the difference says how uncertain they are."""
     count, lost = len(own.scores), len(own.held_out) - len(own.scores)
     without = f", {lost} more without a score" if lost else ""
     return f"{number(mean(own.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''}{without})"
@@ -280,9 +280,9 @@ def decided(found: Difference | Estimate, claim: str, between: str, unless: str 
     """A difference as one sentence.
 
     Args:
-        claim: what it shows where it is sure; `{}` stands for better or worse.
+        claim: opening of the sentence where the difference is sure; `{}` stands for better or worse.
         between: the two numbers.
-        unless: what it shows where it is not.
+        unless: opening of the sentence where it is not.
     """
     opening = claim.replace("{}", "better" if found.value > 0 else "worse") if found.sure else unless
     return f"{opening}: {between}; {interval(found)}."
@@ -300,5 +300,5 @@ def _needed(found: Difference) -> str:
 
 
 def _enough(seeds: int) -> int:
-    """Of two alone, as new seeds train them."""
+    """How many new seeds to train two rewards with."""
     return max(FEWEST, seeds)

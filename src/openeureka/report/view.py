@@ -36,7 +36,7 @@ from .candidates import CandidateView, GenerationView, Reader
 
 VIDEO = "video.mp4"
 FOLDERS = ("best", "polished", "robust")
-"""Of what a run has found, each with its policy."""
+"""Folders of the policies that a run has found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +47,9 @@ class RunView:
     history: History
     """The finished generations, as the search knows them."""
     generations: tuple[GenerationView, ...]
-    """The same for people, and the one under way."""
+    """The same as people see them, and the generation under way."""
     results: Mapping[str, TrainingResult]
-    """By lane; checkpoints without their policies."""
+    """By lane id; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
     tryouts: Mapping[str, Mapping[str, Evaluation]]
     """Further held-out scores of the best reward's policies, by lane id and name (see `method.hacking`)."""
@@ -59,19 +59,19 @@ class RunView:
     lanes: Mapping[str, Lane] = field(default_factory=dict)
     """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
-    """By lane id: what lanes scored when they were played to choose by."""
+    """By lane id: scores in the episodes that rewards are ranked by."""
     ranks: Ranks = "training"
-    """By which F the search ranks."""
+    """By which F the search ranks candidates."""
     crown: Place | None = None
-    """The candidate that the final trainings confirmed."""
+    """The candidate that won the race."""
     best_policy: PolicyId | None = None
-    """The best policy as it is, where one was carried on."""
+    """The best policy, whatever it was trained with, where one was carried on."""
     robust: Robust | None = None
-    """How a policy was made that works in hard worlds; None where none was."""
+    """What `eureka robust` has found so far; None where it was never called."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
     ended: bool = False
-    """Whether nothing is left of a search but reports."""
+    """Whether the search is done and only reports are left to write."""
     texts: Mapping[str, Candidate] = field(default_factory=dict)
     """Given rewards and weightings by name; not those that come with the task."""
     refused: Mapping[str, str] = field(default_factory=dict)
@@ -128,13 +128,13 @@ class RunView:
 
     @property
     def polished(self) -> Polished | None:
-        """What came of carrying the best policy on; None where none is."""
+        """What came of carrying the best policy on; None where none was carried on."""
         best, limits = self.best_policy, self.config.cost_limits
         return polishing.read(self.lanes, self.results, self.played, self.tryouts, best, limits)
 
     @property
     def given(self) -> dict[str, SeedScores]:
-        """Scores of the given rewards by name, as far as they are trained; a value a seed."""
+        """Scores of the given rewards by name, as far as they are trained; a value for each seed."""
         lanes = [lane for lane in self.lanes.values() if lane.role == "given" and lane.id in self.results]
         return {
             name: SeedScores(
@@ -150,7 +150,7 @@ class RunView:
 
     @property
     def noisy(self) -> bool:
-        """Whether policies play with the noise of training, as all episodes of the task begin alike."""
+        """Whether policies play with the noise of training, because all episodes of the task begin alike."""
         return any(score.noisy for score in self.evaluations.values())
 
     @property
@@ -163,13 +163,13 @@ class RunView:
 
     @property
     def best(self) -> CandidateView | None:
-        """The confirmed one; before that the first in the ranking of the finished generations."""
+        """The candidate that won the race; before that the first in the ranking of the finished generations."""
         best = self.history.entry(self.crown) or self.ranking.best
         return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
     def fitted(self) -> Candidate | None:
-        """What a search found with fitted numbers, where those are better: then it is in `best/`."""
+        """The best reward of a search with fitted numbers, where these are better: then `best/` holds it."""
         found = self.tuned if self.searched else None
         return self.texts[found.better] if found is not None and found.better != ORIGINAL else None
 
@@ -185,14 +185,14 @@ class RunView:
         return {name: self.results[lane] for name, lane in lanes.items() if lane in self.results}
 
     def baseline_score(self, name: str) -> float | None:
-        """What a baseline scored beside the search, as candidates are ranked: played, or in training."""
+        """F of a baseline in the search, by the measure that ranks candidates: played, or in training."""
         result = self.baselines[name]
         played = self.played.get(result.lane)
         return played.fitness if played is not None else result.fitness
 
     @property
     def twins(self) -> dict[Place, Place]:
-        """The candidates whose program an earlier one had, which trained for both, and that one."""
+        """Candidates with the program of an earlier one, mapped to that earlier one, which trained for both."""
         first: dict[str, Place] = {}
         named = [(own.program.id, own.place) for own in self.candidates if own.program is not None]
         return {place: before for name, place in named if (before := first.setdefault(name, place)) != place}
@@ -231,7 +231,8 @@ class RunView:
 
 
 def _refused(store: Store) -> dict[str, str]:
-    """Of weightings alone: no run begins with another given reward that was refused. None of them has a lane."""
+    """Why weightings were refused, by name. A refused one has no lane. Other given rewards need no look: a run does not
+    begin with one that was refused."""
     lanes = {lane.reward for lane in store.lanes.all().values()}
     waiting = {name: own.id for name, own in store.rewards.texts().items() if store.config.tune and own.id not in lanes}
     verdicts = {name: store.rewards.verdict(own) for name, own in waiting.items()}
