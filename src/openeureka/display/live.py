@@ -41,21 +41,21 @@ _PHASES: dict[Phase, str] = {
 
 
 _PARTS: dict[Phase, str] = {"sample": "ask", "check": "ask", "train": "train"}
-"""What the time of a generation goes to; waiting for a person is nobody's to foresee."""
+"""The parts that the time of a generation is split into. How long a person takes cannot be foreseen."""
 
 
 class Tally:
-    """What both displays count. All text that a model wrote leaves here cleaned and as one line."""
+    """What both displays count: phases, times and usage."""
 
     def __init__(self, config: RunConfig, usage: Usage) -> None:
         self.config = config
         self.usage = usage
         self.generation: int | None = None
-        """The one that is at work."""
+        """The generation under way."""
         self.stage, self.doing = "", "starting"
         self.started = time.monotonic()
         self.durations: list[dict[str, float]] = []
-        """Seconds that each generation which this process has done took, by what it did."""
+        """[s] of each generation that this process has finished, by part (see `_PARTS`)."""
         self._spent: dict[str, float] = {}
         self._part, self._part_started = "", self.started
 
@@ -75,13 +75,13 @@ class Tally:
         return "final" if self.config.generations or self.config.tune else ""
 
     def _clock(self) -> None:
-        """Book the time since the last look on what was being done."""
+        """Add the time since the last call to the part that is under way."""
         now = time.monotonic()
         self._spent[self._part] = self._spent.get(self._part, 0.0) + now - self._part_started
         self._part_started = now
 
     def generation_done(self, generation: Generation) -> str:
-        """One line on a generation, which is counted unless the store had it already."""
+        """One line on a generation. Its times are counted unless it was finished by an earlier process."""
         if self.doing != "starting":
             self._clock()
             self.durations.append(self._spent)
@@ -92,9 +92,9 @@ class Tally:
         )
 
     def remaining(self) -> float | None:
-        """[s] left for the generations, judged by those done; None before the first and after the last.
+        """[s] left for the generations, estimated from those done; None before the first is done and after the last.
 
-        Asking and training are judged apart: a model that takes its time does not make the training shorter.
+        Asking and training are estimated apart: a model that takes its time does not make the training shorter.
         """
         if not self.durations or self.generation is None:
             return None
@@ -175,7 +175,7 @@ class PlainView:
 SCORES = ("training", "F", "F played")
 WIDE = 110
 SPARK, NARROW_SPARK = 24, 8
-"""Characters of a curve on a terminal that is so wide [characters], and on others."""
+"""[characters] Length of a curve on a terminal of at least `WIDE`, and on a narrower one."""
 
 
 class TerminalView:
@@ -185,10 +185,10 @@ class TerminalView:
         self._tally = Tally(config, usage)
         self._samples: dict[int, Sample] = {}
         self._places: dict[str, str] = {}
-        """Where each candidate, by id, first came up: people know it by that."""
+        """The first place of each candidate, by id: people know the candidate by it."""
         self._replied: set[int] = set()
         self._asked: dict[int, float] = {}
-        """Slots that the model writes for, with the time at which it began."""
+        """Slots that the model is writing for, with the time at which it began [s]."""
         self._fitness: dict[str, float | None] = {}
         self._played: dict[str, Evaluation] = {}
         self._epochs, self._nodes = "", ""
@@ -223,9 +223,9 @@ class TerminalView:
                 self._fitness[event.lane] = event.fitness
             case Played(scores):
                 self._played |= scores
-            case Generation():  # its line stays above the table: a screen is too low for all of them in it
+            case Generation():  # printed above the table, which has no room for all generations
                 self._live.console.print(Text(self._tally.generation_done(event)))
-                for entry in event.entries:  # of a resumed run nothing else tells
+                for entry in event.entries:  # a resumed run has no other event for them
                     self._place(entry.sample)
             case Outcome():
                 pass
@@ -245,7 +245,7 @@ class TerminalView:
             self._curves.clear()
         self._epochs, self._nodes = "", ""
         if began.phase == "feedback":
-            self._live.stop()  # the terminal is the person's
+            self._live.stop()  # the person types in the terminal
         else:
             self._live.start()
 
@@ -283,7 +283,7 @@ class TerminalView:
         return table
 
     def _writing(self, slot: int) -> str:
-        """That the model is at work on a slot, for how long, and why once more."""
+        """That the model is writing for a slot, for how long, and why it was asked again."""
         sample = self._samples.get(slot)
         again = ""
         if sample is not None:
@@ -307,6 +307,6 @@ class TerminalView:
 
 
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:
-    """The display that fits where the output goes; `usage` is what earlier processes of this run spent."""
+    """The display that suits the console; `usage` is what earlier processes of this run spent."""
     console = console or standard()
     return (TerminalView if redraws(console) else PlainView)(console, config, usage)

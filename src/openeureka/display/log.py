@@ -1,4 +1,4 @@
-"""`run.log`: lines on how a run goes, for those who look at its directory and not at its terminal."""
+"""`run.log`: what a run prints, for people who look at its directory and not at its terminal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WIDTH = 120
 
 
 class _LogFile(io.TextIOWrapper):
-    """Says nothing of a full disk: a search does not stop for its log, and the store will speak of it."""
+    """Ignores a full disk: a search does not stop for its log, and the store will report it."""
 
     def write(self, text: str) -> int:
         with suppress(OSError):
@@ -43,8 +43,8 @@ class _LogFile(io.TextIOWrapper):
 
 @contextmanager
 def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Tell]]:
-    """Listeners that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
-    the process does not print to it already."""
+    """Listeners that write `run.now.json` while the run is at work, and `run.log`, where that can be written and the
+    process does not print to it already."""
     recorder = Recorder(directory, config, usage)
     try:
         with _lines(directory, config, usage) as lines:
@@ -77,7 +77,7 @@ def _opened(directory: Path) -> BinaryIO | None:
     except (OSError, StoreError):
         return None
     with suppress(OSError):  # no stdout
-        if os.path.samestat(os.fstat(1), os.fstat(file.fileno())):  # as the page starts runs
+        if os.path.samestat(os.fstat(1), os.fstat(file.fileno())):  # `eureka ui` starts runs like that
             file.close()
             return None
     return file

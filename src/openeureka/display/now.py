@@ -1,7 +1,7 @@
 """`run.now.json`: what a run is doing now, for its page, in a small file that is replaced every few seconds.
 
-A store holds what is finished. Curves of lanes that still train, and the time left, interest nobody once the run is
-over; the file goes with it.
+The store holds what is finished. Nobody needs the curves of lanes that still train, or the time left, once the run has
+ended: then the file is deleted.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ..types.bounds import Count, Finite, Name
 from .live import Tally
 
 PAUSE = 2.0
-"""[s] between two writings while a training goes on."""
+"""Least time between two writes while a training goes on [s]."""
 MOST = 80
-"""Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
+"""Most points of a curve. When there are more, every second one is dropped, and new ones come at twice the distance."""
 
 Curves = Mapping[Name, tuple[Finite | None, ...]]
 
@@ -39,9 +39,9 @@ class Now:
     seconds: Finite
     """[s] since the process began."""
     left: Finite | None
-    """[s] of the search that are left; None before the first generation is done, and after the last."""
+    """[s] until the search ends; None before the first generation is done, and after the last."""
     writing: Count = 0
-    """Slots that the model writes for."""
+    """Number of slots that the model is writing for."""
     usage: Usage = field(default_factory=Usage)
     epoch: Count = 0
     epochs: Count = 0
@@ -50,11 +50,11 @@ class Now:
     at_epochs: tuple[Count, ...] = ()
     """Epochs of the values in `curves`."""
     curves: Mapping[Name, Curves] = field(default_factory=dict[str, Curves])
-    """By lane id, those under way: F, `reward` and each `component/<name>`."""
+    """By lane id, for lanes that train: `fitness`, `reward` and each `component/<name>`."""
 
 
 def read(directory: Path) -> Now | None:
-    """What a run is doing; None where it does not say, or what is there is no such thing: it may come from anybody."""
+    """What a run is doing; None where there is no file, or not a valid one: it may come from anybody."""
     try:
         data = artifacts.read(directory, NOW)
         if data is None:
@@ -65,7 +65,7 @@ def read(directory: Path) -> Now | None:
 
 
 class Recorder:
-    """Keeps the file. A search does not stop for it where the disk is full: the store will speak of that."""
+    """Writes the file at events. A full disk does not end the search here: the store will report it."""
 
     def __init__(self, directory: Path, config: RunConfig, usage: Usage) -> None:
         self._directory = directory
@@ -103,7 +103,7 @@ class Recorder:
 
     def _follow(self, progress: TrainingProgress) -> None:
         if self._progress is not None and progress.epoch < self._progress.epoch:
-            self._clear()  # other lanes have begun, as in each round of the final trainings
+            self._clear()  # another training has begun, as in each round of the race
         self._progress = progress
         if not self._epochs or progress.epoch - self._epochs[-1] >= self._apart:
             self._add(progress)
@@ -111,7 +111,7 @@ class Recorder:
             self._write()
 
     def _add(self, progress: TrainingProgress) -> None:
-        """A value of each curve; one that begins late has none before."""
+        """Add a value to each curve. A curve that begins late has None before that."""
         if len(self._epochs) >= MOST:
             self._apart = max(1, 2 * (self._epochs[-1] - self._epochs[0]) // len(self._epochs))
             del self._epochs[1::2]

@@ -16,7 +16,7 @@ from ..text import one_line
 from ..types import TrainingProgress
 
 SECONDS_BETWEEN_LINES = 10.0
-"""Each pause is longer than the one before, so that a log stays short."""
+"""[s] The first pause. Each pause is `LONGER` times the one before, up to `LONGEST`, so that a log stays short."""
 LONGER, LONGEST = 1.5, 600.0
 SHOWN = 3
 """Lanes named in the line."""
@@ -34,7 +34,7 @@ class _Clock:
 
 class _Standard(Console):
     def on_broken_pipe(self) -> None:
-        """Who read this has ended, such as `head` or `tee`: a search goes on without them, where rich would exit."""
+        """The reader, such as `head` or `tee`, has ended: the search goes on without it, where rich would exit."""
         self.quiet = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -42,18 +42,18 @@ class _Standard(Console):
 
 
 def standard() -> Console:
-    """Standard output: a terminal or none, whatever FORCE_COLOR says, which some set where a log is kept."""
+    """Standard output. FORCE_COLOR does not make it a terminal, because some people set it where they keep a log."""
     return _Standard(force_terminal=None if sys.stdout is not None and sys.stdout.isatty() else False)
 
 
 def redraws(console: Console) -> bool:
-    """Whether lines that stand there can be replaced; on a terminal that cannot, rich would show nothing of them."""
+    """Whether printed lines can be redrawn; on a terminal that cannot do that, rich would show nothing of them."""
     return console.is_terminal and not console.is_dumb_terminal
 
 
 @contextmanager
 def working(text: str, console: Console | None = None) -> Iterator[None]:
-    """Say what is being done that shows no progress of its own: with a clock on a terminal, once elsewhere."""
+    """Say what is being done while it shows no progress itself: with a clock on a terminal, once elsewhere."""
     console = console or standard()
     if redraws(console):
         with console.status(_Clock(text)):
@@ -64,12 +64,12 @@ def working(text: str, console: Console | None = None) -> Iterator[None]:
 
 
 class ProgressLine:
-    """A new line now and then, for where none can be redrawn."""
+    """The progress of a training as a new line now and then, where lines cannot be redrawn."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._since: tuple[float, int] | None = None
-        """When the training that is shown was first heard of, and its epochs then, as `_left` counts them."""
+        """Time of the training's first event [s], and its epochs then, without those that an earlier process did."""
         self._counted = self._resumed = 0
         self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
@@ -95,8 +95,11 @@ class ProgressLine:
         )
 
     def _left(self, progress: TrainingProgress) -> float | None:
-        """[s] to its end, at the pace of the epochs heard of; after an earlier epoch it is another training, and where
-        fewer are known to have been done before, another stage of a curriculum."""
+        """[s] to the end of the training, at the pace of its epochs in this process.
+
+        The epoch falls where another training begins; the number of resumed epochs falls where another stage of a
+        curriculum begins. In both cases the pace is measured anew.
+        """
         now, counted = time.monotonic(), progress.epoch - progress.resumed
         if self._since is None or counted < self._counted or progress.resumed < self._resumed:
             self._since = now, counted

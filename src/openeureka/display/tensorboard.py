@@ -21,13 +21,13 @@ from ..film import mp4
 from ..store import artifacts
 
 EVENTS = "events.out.tfevents.0"
-"""The first; TensorBoard reads them in the order of their names."""
+"""The first event file; TensorBoard reads event files in the order of their names."""
 
 
 class TensorBoard:
-    """Events in the run directory: `tensorboard --logdir DIR`. Films are moving pictures there.
+    """Events in the run directory, for `tensorboard --logdir DIR`. Films become animated GIFs.
 
-    Each process begins a file. A record that a kill tore hides all that follows it in the same.
+    Each process begins a new file: a record that was cut off by a kill hides all that follows it in its file.
     """
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
@@ -44,7 +44,7 @@ class TensorBoard:
 
     def text(self, name: str, text: str) -> None:
         about = {"plugin_data": {"plugin_name": "text"}}
-        block = "".join(f"    {line}\n" for line in text.splitlines())  # as it is: Markdown's block of code
+        block = "".join(f"    {line}\n" for line in text.splitlines())  # a code block in Markdown, shown as it is
         said = TensorProto(dtype=DT_STRING, string_val=[block.encode()], tensor_shape={"dim": [{"size": 1}]})
         self._write([Summary.Value(tag=name, tensor=said, metadata=about)], 0)
 

@@ -1,7 +1,7 @@
 """Mirrors of a run in somebody's experiment tracker: settings, curves, texts and films, where `log=` asks for one.
 
-wandb and MLflow are imported here alone, and only then. A tracker that fails is left out from then on, with one line:
-no search ends for its mirror.
+wandb and MLflow are imported only here, and only when `log=` names them. A tracker that fails is left out from then on,
+with one line of text: no search ends for its mirror.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ..text import plain
 from ..types import Generation, TrainingResult
 
 MEMORY = "tracker.json"
-"""What a tracker calls the run, so that a resumed one goes on there."""
+"""The file with the tracker's id of the run, by which a resumed run goes on there."""
 
 
 class Tracker(Protocol):
     """Somebody's experiment tracker, as far as a mirror needs it."""
 
     def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
-        """Values by name; without a step, those that sum the run up."""
+        """Log values by name; without a step they are a summary of the run."""
         ...
 
     def text(self, name: str, text: str) -> None: ...
@@ -125,10 +125,10 @@ class Mirror:
         match event:
             case Began():
                 self._under_way = True
-                self._open()  # before anything trains: whoever wants a mirror learns now that there is none
+                self._open()  # before anything trains, so that a person learns at once where it fails
             case TrainingResult():
                 self._curves(event)
-            case Generation() if self._under_way:  # a run that goes on begins with what the tracker was told before
+            case Generation() if self._under_way:  # a resumed run first repeats generations that the tracker knows
                 self._generation(event)
             case Outcome():
                 scores = [score for score in event.method.scores if score is not None]
@@ -152,7 +152,7 @@ class Mirror:
                 self._tell("text", f"programs/{entry.sample.place}", plain(entry.sample.candidate.source))
 
     def films(self) -> None:
-        """All that there are: once the run is done, and its report has made them."""
+        """Send all films, once the run is done and its report has made them."""
         for name, path in RunView.read(self._directory).videos.items():
             self._tell("film", f"films/{name}", self._directory / path)
 
@@ -169,7 +169,7 @@ class Mirror:
                 self._say(f"hears nothing of this run{_ADVICE.get(self._name, '')}", error)
 
     def _tell(self, verb: str, *said: object) -> None:
-        """Whatever a stranger's library raises ends the mirror and not the run."""
+        """Call the tracker. Whatever its library raises ends the mirror and not the run."""
         self._open()
         try:
             if self._tracker is not None:
@@ -178,7 +178,7 @@ class Mirror:
             failed, self._tracker = self._tracker, None
             self._say("hears no more of this run", error)
             if failed is not None and verb != "close":
-                with suppress(Exception):  # open, it would hear what the next run of this process says
+                with suppress(Exception):  # left open, it would log the next run of this process
                     failed.close()
 
     def _say(self, what: str, error: Exception) -> None:
@@ -187,10 +187,10 @@ class Mirror:
 
 @contextmanager
 def mirrored(directory: Path, config: RunConfig) -> Iterator[list[Mirror]]:
-    """The one who tells the tracker that the settings name, if they do.
+    """The mirror for the tracker that the settings name; empty where they name none.
 
     Raises:
-        ConfigError: when its package is not installed.
+        ConfigError: when the tracker's package is not installed.
     """
     if not config.log:
         yield []

@@ -111,7 +111,7 @@ def progress(run: RunView) -> Chart | None:
 
 
 def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) -> Chart | None:
-    """F during the candidate's training, beside the other rewards'."""
+    """F during the candidate's training, with the curves of the baselines."""
     if candidate.result is None:
         return None
     curves = {"this reward": candidate.result.curves.get("fitness", ())}

@@ -1,4 +1,4 @@
-"""What policies cost beside F, and which limits they break."""
+"""What policies cost besides F, and which limits they break."""
 
 from __future__ import annotations
 
