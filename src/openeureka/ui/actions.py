@@ -1,4 +1,4 @@
-"""What a person does from the page: starts runs that outlive it, goes on with them, and says a word to one."""
+"""What a person does from the page: start runs that outlive it, continue runs, and make remarks on one."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from ..types import Remark, RemarkKind
 from ..worker import environment, interpreter
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
-"""What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
+"""What the form asks for. Addresses and paths stay on the command line: no page may decide where a key is sent."""
 
 _EUREKA = (*interpreter(), "-c", "from openeureka.__main__ import main; main()")
 
 
 class Launcher:
-    """Starts them, and buries those that have ended."""
+    """Starts `eureka` processes, and collects those that have ended."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def start(self, form: Mapping[str, str]) -> str:
-        """Begin a search with the settings of a form, those left empty at their defaults; the name of the run.
+        """Begin a search with the settings of a form, and return the name of the run. Empty fields mean the defaults.
 
         Raises:
             ConfigError: for a setting that does not fit, an environment that is not installed, or a model that is a
                 file, a download or somebody's code.
             TaskError: for an environment that an adapter does not find.
-            ModelError: for a model that has no key, or is not there.
+            ModelError: for a model whose key is missing, or that is not there.
             StoreError: where the folder cannot be written.
         """
         if is_run(self._root):
@@ -60,10 +60,10 @@ class Launcher:
         return directory.name
 
     def resume(self, directory: Path) -> None:
-        """Continue a search as `eureka resume` does. Raises StoreError when somebody works on it."""
+        """Continue a search as `eureka resume` does. Raises StoreError when a process works on it."""
         if is_held(directory):
             raise StoreError(f"The run in {directory} is at work already.")
-        self._eureka(["resume", str(directory.absolute())], directory)  # a name such as `lr=3` is no setting
+        self._eureka(["resume", str(directory.absolute())], directory)  # `lr=3` alone would be a setting
 
     def _eureka(self, words: Sequence[str], directory: Path) -> None:
         """Call `eureka` with these words; what it prints ends up in the log of the run."""
@@ -73,7 +73,7 @@ class Launcher:
 
 
 def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
-    """`eureka` in a session of its own: Ctrl-C and a closed terminal end the page, not the run."""
+    """`eureka` in a separate session: Ctrl-C and a closed terminal end the page, not the run."""
     return subprocess.Popen(
         [*_EUREKA, *words],
         stdin=subprocess.DEVNULL,
@@ -85,19 +85,19 @@ def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
 
 
 class Ear(NamedTuple):
-    """Whether a run listens."""
+    """Whether a run listens to remarks."""
 
     listens: bool
-    """Something said now will reach the model."""
+    """A remark that is made now will reach the model."""
     waits: bool
-    """It goes on when a person says so."""
+    """The run waits for a person's `go`."""
 
 
 def ear(directory: Path) -> Ear:
     """Raises StoreError when there is no run."""
     with Store.view(directory) as store:
         hearings = store.config.hearings
-        replays = store.config.model.startswith("replay:")  # it repeats what was said
+        replays = store.config.model.startswith("replay:")  # a replay repeats the recorded remarks
         listens = hearings > 0 and not replays and store.remarks.heard(hearings - 1) is None
         waits = listens and awaits_go(store) and is_held(directory)
     return Ear(listens=listens, waits=waits)
@@ -120,4 +120,4 @@ def read(form: Mapping[str, str]) -> tuple[Remark, ...]:
         remarks.append(Remark(kind=RemarkKind.GO))
     if not remarks:
         raise FeedbackError("Nothing was said; write some words, or choose a candidate.")
-    return tuple(sorted(remarks, key=lambda said: said.kind is RemarkKind.GO))  # later words would be left behind
+    return tuple(sorted(remarks, key=lambda said: said.kind is RemarkKind.GO))  # remarks after `go` might come too late

@@ -1,6 +1,6 @@
-"""The addresses of the page and what answers them. It reads stores, adds remarks, and starts and stops runs.
+"""The addresses of the page and their handlers. They read stores, add remarks, and start and stop runs.
 
-Handlers work in the thread of the server: one person looks, and what has not changed is not read again.
+Handlers work in the thread of the server, which is enough for one person: what has not changed is not read again.
 """
 
 from __future__ import annotations
@@ -44,20 +44,22 @@ from .play import Players
 ENTRANCE = "/open"
 """The address that is printed, with the token."""
 VIEWS = 8
-"""Runs held in memory, each with its curves and texts; as many may be compared."""
+"""Most runs held in memory, each with its curves and texts; and most runs that are compared."""
 PAGES = 32
-"""Pages held in memory as they were shown last."""
+"""Most pages held in memory as they were shown last."""
 ENTRIES = 5000
-"""Lines of the list held in memory."""
+"""Most lines of the list held in memory."""
 _PACKED = (Middleware(GZipMiddleware, compresslevel=5),)
-"""For text. Films are packed already, and what is followed is sent as it comes."""
+"""Compression of text. Films are compressed already, and server-sent events are sent as they come."""
 
 
 def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], bool] = lambda: False) -> Starlette:
-    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names.
+    """The page of the runs below a folder, or of one run.
 
     Args:
-        ending: whether the server is about to end, which waits for those who follow.
+        token: everybody who asks must know it.
+        hosts: the names by which the page may be called.
+        ending: whether the server is about to end; streams to open pages then end, because it waits for them.
     """
     return Starlette(
         routes=Pages(root, ending).routes(),
@@ -68,23 +70,23 @@ def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], boo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What somebody looks at."""
+    """A page, and how to render it."""
 
     template: str
     address: str
     fingerprint: Fingerprint
-    """Of what `render` shows."""
+    """Differs when what `render` shows does."""
     render: Callable[[], Parts]
     values: Mapping[str, object] = field(default_factory=dict[str, object])
-    """For what surrounds the parts."""
+    """Values for the template around the parts."""
     moment: Fingerprint = ()
-    """Of what `live` shows."""
+    """Differs when what `live` shows does."""
     live: Callable[[], Parts] = dict
-    """Parts that change as fast as a run trains, to stand in the place of those of the same names."""
+    """Parts that change while a run trains; they replace those of the same names in `render`."""
 
 
 class Pages:
-    """Everything below a folder."""
+    """The pages of all runs below a folder."""
 
     def __init__(self, root: Path, ending: Callable[[], bool]) -> None:
         self._root = root
@@ -154,7 +156,7 @@ class Pages:
     def _act(
         self, request: Request, act: Callable[[Path], None], form: Mapping[str, str] = MappingProxyType({})
     ) -> Response:
-        """Do something about a run, and show it again, or the candidates that its form stood beside."""
+        """Do something about a run, then show the run again, or the candidates that the form was shown with."""
         name, directory = self._named(request)
         try:
             act(directory)
@@ -164,7 +166,7 @@ class Pages:
         return RedirectResponse(_address(name) + (back if back.startswith("candidates?") else ""), 303)
 
     async def film(self, request: Request) -> Response:
-        """A video of a run; no other file, and none that is named in another way than the run names it."""
+        """A video of a run; no other file, and only under the very path that the run's view has for it."""
         name, directory = self._named(request)
         path = request.path_params["path"]
         try:
@@ -176,7 +178,7 @@ class Pages:
         return FileResponse(directory / path, media_type="video/mp4")
 
     async def play(self, request: Request) -> Response:
-        """A candidate's policy at work, as a stream; a form changes the world that it lives in."""
+        """A candidate's policy at work, as a stream; a form that is posted changes its world."""
         name, directory = self._named(request)
         place = request.path_params["place"]
         key = f"{name}/{place}"
@@ -218,7 +220,7 @@ class Pages:
         )
 
     def _compared(self, names: Sequence[str]) -> Page:
-        """Some runs of the folder; unknown ones are left out, and those that are too many."""
+        """Some runs of the folder, compared; unknown ones are left out, and those after the first `VIEWS`."""
         found = folder.runs(self._root)
         known = [name for name in dict.fromkeys(names) if name in found]
         chosen = {name: found[name] for name in known[:VIEWS]}
@@ -295,7 +297,7 @@ class Pages:
         return self._versions.get(page.address, shown, lambda before: Version.make(parts, before))
 
     def _followed(self, look: Callable[[], Page]) -> Version:
-        """The page as it is now, also of a run that somebody has deleted since it was opened."""
+        """The page as it is now, also where its run has been deleted since the page was opened."""
         try:
             return self._version(look())
         except HTTPException:
@@ -308,11 +310,11 @@ class Pages:
         problem: str = "",
         filled: Mapping[str, str] = MappingProxyType({}),
     ) -> Response:
-        """The page; to one that is open already, what changes of the parts that it shows, as it changes.
+        """The page; for a page that is open already, a stream of the changes to its parts.
 
         Args:
-            problem: with what a person asked for.
-            filled: what they had written into the form, so that nothing is to be typed again.
+            problem: what was wrong with a person's request, if anything.
+            filled: what the person had written into the form, so that nothing has to be typed again.
         """
         if "text/event-stream" in request.headers.get("accept", ""):
             shown = request.query_params.get("shown", "").split(",")
@@ -334,7 +336,8 @@ def _address(name: str) -> str:
 
 
 async def _entrance(request: Request) -> Response:
-    """The token leaves the address, so that no bookmark or screenshot holds it: a relative one would keep it."""
+    """Redirect to the address without the token, so that no bookmark or screenshot holds it. A relative redirect would
+    keep it."""
     return RedirectResponse(f"{request.url.scheme}://{request.headers['host']}/", 303)
 
 
@@ -350,8 +353,8 @@ async def _form(request: Request) -> dict[str, str]:
 
 
 def _constant(media_type: str, names: tuple[str, ...]) -> Callable[[Request], Response]:
-    """Answers with files of the folder `templates`, one after the other. Their address holds their hash, so that a
-    browser may keep them."""
+    """A handler that answers with files of the folder `templates`, joined. Their address holds their hash, so that a
+    browser may cache them."""
     text = str(html.together(names))
 
     def serve(_: Request) -> Response:

@@ -1,4 +1,4 @@
-"""The runs below a folder, how each stands, and whether anything about one has changed."""
+"""The runs below a folder, how far each has come, and whether anything about one has changed."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Entry:
 
 
 DEPTH = 3
-"""Folders in folders that are looked through for runs: a bench keeps those of its cells in its own."""
+"""Levels of folders that are searched for runs: a bench keeps the runs of its cells in its own folder."""
 _CHANGING = (FILENAME, f"{FILENAME}-wal", LOG)
 
 
 def runs(root: Path) -> dict[str, Path]:
-    """Directory by name, the one that changed last first; a folder that is a run itself is the only one. Runs of
-    folders in it are called `folder:run`; a colon of a name is doubled."""
+    """The directories of runs by name, the one that changed last first. Where `root` is a run itself, it is the only
+    one. Runs in subfolders are called `folder:run`; a colon in a name is doubled."""
     if is_run(root):
         return {root.resolve().name: root}
     found = sorted(_below(root, DEPTH), key=_changed, reverse=True)
@@ -58,10 +58,13 @@ def runs(root: Path) -> dict[str, Path]:
 
 
 def _below(root: Path, depth: int) -> Iterator[Path]:
-    """Runs, and what the page began that is none yet. A run holds no others; a link may lead anywhere."""
+    """Runs, and directories in which the page has started a run that has not begun yet.
+
+    Runs are not searched, since a run holds no others. Links are not followed: they may lead anywhere.
+    """
     try:
-        found = [path for path in root.iterdir() if os.path.isdir(path)]  # `Path` raises where nobody may look
-    except OSError:  # it is none, is gone by now, or belongs to somebody else
+        found = [path for path in root.iterdir() if os.path.isdir(path)]  # `Path.is_dir` raises if unreadable
+    except OSError:  # no directory, deleted since, or not readable
         return
     for path in found:
         if is_run(path) or os.path.isfile(path / LOG):
@@ -75,7 +78,7 @@ def _changed(directory: Path) -> tuple[int, str]:
 
 
 def glanced(directory: Path) -> Fingerprint:
-    """Differs after every commit, and at both ends of a process: all that the list shows of a run."""
+    """Differs after every commit, and when a process begins or ends: all that the list shows depends on these."""
     changing = (_stat(directory / name) for name in (FILENAME, f"{FILENAME}-wal"))
     return (is_held(directory), *changing)
 
@@ -83,21 +86,21 @@ def glanced(directory: Path) -> Fingerprint:
 def fingerprint(directory: Path) -> Fingerprint:
     """Differs after every commit, film, line of the log and end of the process; costs a stat for each lane.
 
-    Files are replaced by renaming, which changes their folder.
+    Files are replaced by renaming, which changes the time of their folder: a stat of the folder is enough.
     """
     files = [directory / name for name in (*_CHANGING, *FOLDERS)]
-    with suppress(OSError):  # none, or nobody may look
+    with suppress(OSError):  # there is none, or it may not be read
         files += (directory / "lanes").iterdir()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
 
 
 def moment(directory: Path) -> Fingerprint:
-    """Differs when the run says anew what it is doing."""
+    """Differs when the run has rewritten `run.now.json`."""
     return _stat(directory / NOW)
 
 
 def _stat(path: Path) -> tuple[int, int]:
-    """Of a file that may just have gone, or be a link to nowhere: the folder may come from anybody."""
+    """Modification time [ns] and size [B] of a file; zeros where it is gone, or a link to nowhere."""
     try:
         found = os.stat(path)
     except OSError:
@@ -106,7 +109,7 @@ def _stat(path: Path) -> tuple[int, int]:
 
 
 def entry(name: str, directory: Path) -> Entry:
-    """How the run stands."""
+    """The run's line in the list."""
     if not is_run(directory):
         return Entry(name=name, state=RunState.UNBEGUN)
     held = is_held(directory)

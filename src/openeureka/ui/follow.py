@@ -1,4 +1,4 @@
-"""Sends a page that is open only those of its parts that changed."""
+"""Sends to an open page only those of its parts that changed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Generic, TypeVar
 PAUSE = 1.0
 """[s] between two looks at a run whose page is open."""
 BLINK = 0.2
-"""[s] after which it is seen that nobody looks any more."""
+"""[s] after which the server notices that a page was closed."""
 BEAT = 10.0
-"""[s] after which a page is told that it is still heard of, so that either side notices a connection that broke. It is
-an event with a name, as scripts never see comments; `follow.js` waits for two and a half of them."""
+"""[s] without changes after which a page is sent a beat, so that either side notices a broken connection. The beat is a
+named event, because scripts never see comments; `follow.js` waits for two and a half beats."""
 SHARE = 0.01
-"""Of one core, which reading and drawing anew may take while a run changes all the time; looking whether it has changed
-takes nearly as much again."""
+"""Share of one core that reading and drawing a page may take while its run changes all the time; to look whether it has
+changed may take nearly as much again."""
 Fingerprint = tuple[object, ...]
 """Differs when what it stands for has changed."""
 Parts = Mapping[str, str]
@@ -28,20 +28,20 @@ Value = TypeVar("Value")
 
 
 class Fresh(Generic[Value]):
-    """Keeps what was made, at most `size` of it, until its fingerprint differs."""
+    """A cache of at most `size` values; each is made anew when its fingerprint differs."""
 
     def __init__(self, size: int) -> None:
         self._size = size
         self._kept: dict[str, tuple[Fingerprint, Value]] = {}
 
     def get(self, key: str, fingerprint: Fingerprint, make: Callable[[Value | None], Value]) -> Value:
-        """The value of the key; `make` is given the one before."""
+        """The value of the key; `make` is given the previous value."""
         before, value = self._kept.pop(key, ((), None))
         if value is None or before != fingerprint:
             value = make(value)
         self._kept[key] = fingerprint, value
         while len(self._kept) > self._size:
-            del self._kept[next(iter(self._kept))]  # the one that was not asked for longest
+            del self._kept[next(iter(self._kept))]  # the least recently used
         return value
 
 
@@ -61,18 +61,18 @@ class Version:
 
     parts: tuple[Part, ...]
     pause: float
-    """[s] until somebody looks again: the longer, the more this version cost to make."""
+    """[s] until the page is looked at again: the longer, the more this version cost to make."""
 
     @staticmethod
     def make(render: Callable[[], Parts], before: Version | None = None) -> Version:
-        """The page; the first one, which reads all of a run, tells nothing of what following costs."""
+        """Render the page. The cost of the first version, which reads a run for the first time, does not count."""
         begun = time.thread_time()
         parts = tuple(Part(name=name, mark=_mark(name, html), html=html) for name, html in render().items())
         work = time.thread_time() - begun if before is not None else 0.0
         return Version(parts=parts, pause=max(PAUSE, work / SHARE))
 
     def beyond(self, marks: Sequence[str]) -> dict[str, object] | None:
-        """What leads to this version from one whose parts have these marks, as JSON; None from this very one."""
+        """The changes from a version whose parts have these marks to this one, for JSON; None where there are none."""
         if list(marks) == [part.mark for part in self.parts]:
             return None
         return {
@@ -84,10 +84,10 @@ class Version:
 async def events(
     look: Callable[[], Version], shown: Sequence[str], gone: Callable[[], Awaitable[bool]]
 ) -> AsyncIterator[str]:
-    """Server-sent events that lead an open page from the parts with these marks to every later version.
+    """Server-sent events that bring an open page from the parts with the marks `shown` to every later version.
 
     Args:
-        look: the page as it is now; it may take long, which it is then asked less often.
+        look: the page as it is now; the longer it takes, the less often it is called.
         gone: whether nobody listens any more.
     """
     due = heard = time.monotonic()
@@ -110,5 +110,5 @@ async def events(
 
 
 def _mark(name: str, html: str) -> str:
-    """Of a part, not of its text: two that are empty are renewed apart."""
+    """A mark of a part's name and HTML: with its HTML alone, two empty parts would share a mark."""
     return hashlib.sha256(f"{name}\0{html}".encode()).hexdigest()[:12]

@@ -1,7 +1,8 @@
-"""Who may talk to the page: somebody who was given its address, through a page of its own.
+"""Who may send requests to the page: somebody who was given its address, and only through the page itself.
 
-A browser sends requests for any web page that is open in it. A name that suddenly resolves to this machine is refused
-by its `Host`, a form of another site by its `Origin`, and anybody else, other users of this machine too, by the token.
+A browser sends requests for any web page that is open in it. A foreign name that is made to resolve to this machine
+(DNS rebinding) is refused by its `Host`, a form of another site by its `Origin`, and anybody else, also another user of
+this machine, by the token.
 
 The token is the password of HTTP's own scheme, which browsers keep for one port of one name (RFC 7617, 2.2). A cookie
 would not do: browsers send it to every port of 127.0.0.1, whichever user of the machine listens there.
@@ -23,9 +24,9 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-"""Names that only this machine has for itself, as an address holds them."""
+"""Names of loopback, as they stand in an address."""
 MAX_BODY = 2 << 20
-"""Bytes of a form."""
+"""Most bytes of a form."""
 OURS_ALONE = "Only a page of `eureka ui` itself may ask for this."
 USER = "eureka"
 """The name before the token in the address; any other would do."""
@@ -41,7 +42,7 @@ _HEADERS = {
 
 
 def middleware(token: str, hosts: Sequence[str]) -> list[Middleware]:
-    """What every request passes; `hosts` are the names under which the page may be called, or `*`."""
+    """What every request passes; `hosts` are the names by which the page may be called, or `*`."""
     return [
         Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False),
         Middleware(_Gate, token=token),
@@ -69,7 +70,7 @@ class _Gate:
         if not self._knows(_password(request.headers.get("authorization", ""))):
             challenge = {"WWW-Authenticate": 'Basic realm="eureka ui: the password is the token", charset="UTF-8"'}
             return PlainTextResponse("Open the address that `eureka ui` printed; it holds the token.", 401, challenge)
-        # The browser adds the token to what other sites make it ask for, too. They may send a person here, no more.
+        # The browser adds the token also to requests that other sites cause. They may link here, and nothing else.
         if by_another_site(request) and not _as_a_page(request):
             return PlainTextResponse(OURS_ALONE, 403)
         if request.method not in ("GET", "HEAD"):
@@ -86,7 +87,7 @@ class _Gate:
 
 
 def _password(header: str) -> bytes:
-    """That of an `Authorization: Basic`; empty for anything else."""
+    """The password in an `Authorization: Basic` header; empty for anything else."""
     scheme, _, code = header.partition(" ")
     if scheme.lower() != "basic":
         return b""
@@ -104,8 +105,8 @@ def by_another_site(request: Request) -> bool:
 def by_our_page(request: Request) -> bool:
     """Whether a page of this server made the browser ask for this.
 
-    Browsers say so to loopback and over https alone. Elsewhere it is for the `Referer`, which no page can forge, and
-    which our own send to us (`Referrer-Policy`).
+    Browsers send `Sec-Fetch-Site` only to loopback and over https. Elsewhere the `Referer` decides: no page can forge
+    it, and our own pages send it to us (`Referrer-Policy`).
     """
     site = request.headers.get("sec-fetch-site")
     if site is not None:
@@ -114,6 +115,6 @@ def by_our_page(request: Request) -> bool:
 
 
 def _as_a_page(request: Request) -> bool:
-    """Whether it is to fill a tab. A frame is navigated too; browsers of before 2020 do not tell the two apart."""
+    """Whether the answer fills a tab. A frame is navigated to as well; browsers before 2020 do not distinguish them."""
     headers = request.headers
     return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest", "document") == "document"

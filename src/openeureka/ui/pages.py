@@ -1,4 +1,4 @@
-"""What the pages show: each is a sequence of named parts, so that an open one is sent only what changed."""
+"""What the pages show: each page is a sequence of named parts, so that an open one is sent only what changed."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def lost(problem: str) -> str:
 
 
 def start_form() -> dict[str, object]:
-    """What the form that starts a run offers, and the one that filters the list."""
+    """The choices in the form that starts a run, and in the one that filters the list."""
     shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "states": tuple(RunState)}
     return {"envs": registry.names(), "defaults": RunConfig(), **shown}
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
-    """A line for each run, and for each task and steps of a training those that are judged, the best first, where there
-    are two or more."""
+    """A line for each run. Also a board for each task and number of steps with two or more runs that have a held-out
+    score, the best run first."""
     piece = _pieces(run=None)
     boards: dict[tuple[str, int], list[Entry]] = {}
     for entry in entries:
@@ -57,7 +57,7 @@ def listing(entries: Sequence[Entry]) -> Parts:
 
 
 def _human(entry: Entry) -> float | None:
-    """Held-out F of the human reward: of the run's own trainings, or as it was measured beforehand."""
+    """Held-out F of the human reward: from the run's own trainings, or as it was measured beforehand."""
     config, glance = entry.config, entry.glance
     if config is None or glance is None:
         return None
@@ -66,7 +66,7 @@ def _human(entry: Entry) -> float | None:
 
 
 def overview(directory: Path, run: RunView) -> Parts:
-    """A whole run: how it stands, all candidates, and a card for each."""
+    """A whole run: how far it has come, all candidates, and a card for each."""
     piece = _pieces(run=run)
     entry = folder.entry("", directory)
     nexts = html.nexts(run, directory, str(directory)) if entry.state is not RunState.RUNNING else ()
@@ -87,7 +87,7 @@ def overview(directory: Path, run: RunView) -> Parts:
 
 
 def now(directory: Path, run: RunView, name: str = "") -> Parts:
-    """How a run stands, and what it is doing while it is at work."""
+    """How far a run has come, and what it is doing while it is at work."""
     piece, told = _pieces(run=run), read(directory) if is_held(directory) else None
     entry, tiles = folder.entry(name, directory), tables.tiles(run)
     if told is not None:
@@ -135,7 +135,7 @@ def playable(directory: Path, run: RunView, name: str) -> bytes | None:
 
 
 def _in_depth(env: str) -> bool:
-    """Whether MuJoCo knows the task, and no file has to be imported that the run names."""
+    """Whether MuJoCo can draw the task, and the task is installed: no file that the run names is imported."""
     task = registry.offered(env)
     return task is not None and not task.draws_itself
 
@@ -151,8 +151,12 @@ def trained(directory: Path, run: RunView) -> Parts:
 
 
 def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: int, unread: int) -> Parts:
-    """Several runs: what they found, their curves, and the settings in which they differ; how many are left out, as
-    too many, and as they cannot be read."""
+    """Several runs: what they found, their curves, and the settings in which they differ.
+
+    Args:
+        more: how many runs are left out because there are too many.
+        unread: how many are left out because they cannot be read.
+    """
     settings = {name: asdict(view.config) for name, view in views.items()}
     keys = next(iter(settings.values()), {})
     differing = {
@@ -165,7 +169,7 @@ def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: 
 
 
 def unreadable(directory: Path, name: str, problem: str) -> Parts:
-    """A run that cannot be shown, as one that was started and has no store yet, or is at work on another machine."""
+    """A run that cannot be shown, such as one that was started but has no store yet, or works on another machine."""
     if not is_run(directory):
         problem = "The run has not begun; what it printed so far says why."
     piece, state = _pieces(run=None), folder.entry(name, directory).state
@@ -174,18 +178,18 @@ def unreadable(directory: Path, name: str, problem: str) -> Parts:
 
 
 def from_afar(directory: Path) -> Parts:
-    """What a run is doing whose rows cannot be opened, as on another machine."""
+    """What a run is doing, where its rows cannot be opened, as when it is at work on another machine."""
     told = read(directory) if is_held(directory) else None
     return {"now": _pieces(run=None).now(told, {})} if told is not None else {}
 
 
 def vanished() -> Parts:
-    """What is left of an open page whose run is deleted."""
+    """The only part of an open page whose run has been deleted."""
     return {"problem": _pieces(run=None).problem("There is no such run any more.")}
 
 
 def _places(run: RunView) -> dict[str, str]:
-    """What the lane of each candidate, and of each reward that came with the task, is called."""
+    """What people call the lanes of candidates and of baselines, by lane id."""
     others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
     return others | {
         lane_id(candidate.program.id, run.config.seed): str(candidate.place)
@@ -195,18 +199,18 @@ def _places(run: RunView) -> dict[str, str]:
 
 
 def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
-    """The one that the candidate's slot answered: prompts are kept by the first slot that they fill."""
+    """The prompt of the candidate's slot: prompts are stored by the first slot that they fill."""
     asked = [prompt for prompt in run.generations[candidate.generation].prompts if prompt.slot <= candidate.slot]
     return max(asked, key=lambda prompt: prompt.slot, default=None)
 
 
 def _pieces(run: RunView | None) -> Any:
-    """The macros of the page, which see the run."""
+    """The macros of the page, with the run among their variables."""
     values = {"run": run, "best": run.best if run is not None else None}
     helpers = {"called": _called, "parts_of": of_components, "human_of": _human}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
 def _called(curves: Mapping[str, Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
-    """F of each lane, by what people call it."""
+    """F of each lane, by the name that people know it by."""
     return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}

@@ -1,4 +1,4 @@
-"""Policies at work in 3-D on the page: a child process each, that lives as long as somebody looks."""
+"""Policies at work in 3-D on the page: each has a child process, which lives as long as somebody looks."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from ..errors import ConfigError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 MOST = 2
-"""Policies that play at a time; another one ends the first."""
+"""Most policies that play at a time; a further one ends the oldest."""
 RATE = 30.0
-"""[1/s] pictures."""
+"""Pictures per second [1/s]."""
 PATIENCE = 60.0
-"""[s] until a world stands, and until a step of it is done."""
+"""[s] to wait for a world to be built, and for each of its pictures."""
 _BOUNDS = {"speed": (0.0, 10.0), "angle": (-2 * math.pi, 2 * math.pi), "mass": (0.1, 10.0), "friction": (0.0, 10.0)}
 _WORDS = {"push": ("speed", "angle"), "scale": ("mass", "friction"), "restart": ()}
 
 
 class Players:
-    """Those that play, by the address of what they play."""
+    """The child processes that play policies, by run and candidate."""
 
     def __init__(self) -> None:
         self._playing: dict[str, Worker] = {}
 
     def tell(self, key: str, form: Mapping[str, str]) -> bool:
-        """Hand a person's wish on; False where nobody plays. Raises ConfigError for what is no wish."""
+        """Pass a person's wish on to the child; False where none plays. Raises ConfigError for an invalid wish."""
         wish = _wish(form)
         player = self._playing.get(key)
         if player is None:
@@ -44,7 +44,7 @@ class Players:
     async def events(
         self, key: str, env: str, policy: bytes, gone: Callable[[], Awaitable[bool]]
     ) -> AsyncIterator[str]:
-        """Server-sent events: `scene`, then `frame` as time goes, or `end` with a sentence.
+        """Server-sent events: one `scene`, then a `frame` for each picture, or `end` with a sentence.
 
         Args:
             gone: whether nobody looks any more.
@@ -56,7 +56,8 @@ class Players:
         with Worker("openeureka.film.live") as player:
             self._playing[key] = player
             try:
-                # A pipe holds less than most policies, and nobody reads it before the child has imported MuJoCo.
+                # In a thread: a pipe holds less than most policies, and the child reads it only after it has imported
+                # MuJoCo.
                 await asyncio.to_thread(player.send, {"env": env}, {"policy": policy})
                 scene = await _answer(player)
                 yield _event("scene", {**scene.header, **{name: _text(blob) for name, blob in scene.blobs.items()}})
@@ -67,7 +68,7 @@ class Players:
                     await asyncio.sleep(max(0.0, due - time.monotonic()))
             except _Refused as refused:
                 yield _event("end", str(refused))
-            except (WorkerDied, WorkerTimeout, ValueError):  # ValueError: closed, as another one began
+            except (WorkerDied, WorkerTimeout, ValueError):  # ValueError: closed because another one began
                 ours = self._playing.get(key) is player
                 why = player.ending() or "It ended by itself, or took too long." if ours else "Another one began."
                 yield _event("end", f"It plays no more. {why}")
@@ -77,7 +78,7 @@ class Players:
 
 
 class _Refused(Exception):
-    """The child says why it cannot."""
+    """The child's reason why it cannot play."""
 
 
 async def _answer(player: Worker) -> Frame:
