@@ -1,4 +1,4 @@
-"""Trains lanes through the stages of a curriculum: each goes on from the policy it left the stage before with."""
+"""Trains lanes through the stages of a curriculum: each stage begins with the last policy of the stage before."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from ..types import LaneSpec, TrainBudget, Trainer, TrainingEvent, TrainingProgr
 class CurriculumTrainer:
     """A `types.Trainer` that takes every lane through all stages, all lanes of a stage at once.
 
-    A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
-    early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
-    are sums. A lane that diverges or fails earlier ends there, without an F. Lanes pause in the last stage alone, at
-    that share of it. Where all lanes go on from policies, those have been through it: they train the task alone.
+    A lane continues from its last policy, not from a peak: F guides no training, and the peak of a noisy reward may be
+    an early one. Curves, F and checkpoints of its result are those of the last stage, which is the task itself; steps
+    and seconds are sums over all stages. A lane that diverges or fails in an earlier stage ends there, without an F.
+    Lanes pause in the last stage only, at the budget's share of it. Where all lanes continue policies (`start`), these
+    have been through the curriculum: the lanes train the last stage only.
 
     Args:
         trainer: trains each stage.
         stages: as `tasks.curriculum.find` gives them.
-        finished: where finished stages are looked up and left, by number from 1.
+        finished: store of the results of finished stages, by stage number from 1.
     """
 
     def __init__(self, trainer: Trainer, stages: Sequence[Stage], finished: StageFiles) -> None:
@@ -31,7 +32,7 @@ class CurriculumTrainer:
         self.evaluate, self.rewards = trainer.evaluate, trainer.rewards
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
-        """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
+        """Train every lane. The budget's steps, if any, are split in proportion to the stages' own steps."""
         if lanes and all(lane.start is not None for lane in lanes):
             yield from self._trainer.train(env, lanes, budget)
             return
@@ -57,7 +58,7 @@ class CurriculumTrainer:
     def _told(
         self, number: int, steps: Sequence[int], passed: Mapping[str, list[TrainingResult]], event: TrainingEvent
     ) -> TrainingEvent | None:
-        """What an event of one stage is in all of it; nothing where a lane passed the stage."""
+        """One stage's event as one of the whole curriculum; None for the result of a lane that has a next stage."""
         if isinstance(event, TrainingProgress):
             return _overall(event, steps, number)
         before = passed[event.lane]
@@ -71,7 +72,7 @@ class CurriculumTrainer:
     def _remembered(
         self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingEvent]:
-        """What is left of a finished stage, then the rest as it is trained."""
+        """Stored results of the lanes that finished this stage, then events of the others as they train."""
         known = {lane.id: self._finished.read(number, lane.id) for lane in lanes}
         yield from (result for result in known.values() if result is not None)
         missing = [lane for lane in lanes if known[lane.id] is None]
@@ -79,7 +80,7 @@ class CurriculumTrainer:
             yield from _each(self._trainer.train(stage.env, missing, budget), partial(self._kept, number))
 
     def _kept(self, number: int, event: TrainingEvent) -> TrainingEvent:
-        """The event, once it is safe: a stage that failed trains again."""
+        """The event, after storing a result. A FAILED one is not stored, so that the stage trains again."""
         if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
             self._finished.save(number, event)
         return event
@@ -88,7 +89,11 @@ class CurriculumTrainer:
 def _each(
     events: Iterator[TrainingEvent], tell: Callable[[TrainingEvent], TrainingEvent | None]
 ) -> Iterator[TrainingEvent]:
-    """What `tell` makes of each event. Who trains is told of a stop, and still heard, and closed in the end."""
+    """What `tell` makes of each event, without None.
+
+    A KeyboardInterrupt is thrown into the trainer's generator. Events that it still yields are passed on, then the
+    generator is closed.
+    """
     if not isinstance(events, Generator):
         yield from filter(None, map(tell, events))
         return
@@ -103,20 +108,20 @@ def _each(
 
 
 def _late(events: Generator[TrainingEvent], stop: KeyboardInterrupt) -> Iterator[TrainingEvent]:
-    """What still comes after a stop."""
+    """Events that the trainer yields after a stop."""
     with suppress(StopIteration):
         yield events.throw(stop)
         yield from events
 
 
 def shares(stages: Sequence[Stage], total: int) -> list[int]:
-    """Environment steps of each stage; a `total` other than 0 is shared out in proportion to the stages' own."""
+    """Environment steps of each stage; a `total` other than 0 is split in proportion to the stages' own steps."""
     own = [stage.steps for stage in stages]
     return [max(1, total * steps // sum(own)) for steps in own] if total else own
 
 
 def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> TrainingProgress:
-    """Progress of one stage as part of the whole curriculum; an earlier stage says nothing of F."""
+    """Progress of one stage as progress of the whole curriculum; F of an earlier stage is left out."""
     epochs = round(progress.epochs * sum(steps) / steps[number - 1])
     before = round(epochs * sum(steps[: number - 1]) / sum(steps))
     overall = dataclasses.replace(progress, epoch=min(before + progress.epoch, epochs), epochs=epochs)
@@ -129,7 +134,7 @@ def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> T
 
 
 def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
-    """The last stage's result, with what all stages took; its steps and clock go on from the earlier ones'."""
+    """The last result with the steps and seconds of all; `steps_before` and clock count the earlier stages."""
     env_steps, seconds = sum(result.env_steps for result in results), sum(result.seconds for result in results)
     clock = tuple(seconds - results[-1].seconds + time for time in results[-1].clock)
     before = env_steps - results[-1].env_steps
@@ -137,7 +142,7 @@ def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
 
 
 def _lost(results: Sequence[TrainingResult]) -> TrainingResult:
-    """The result of a lane that ended before the last stage: what it scored there is no F of the task."""
+    """The result of a lane that ended before the last stage: without F, which an earlier stage's score is not."""
     result = _summed(results)
     curves = {**result.curves, "fitness": tuple(None for _ in result.curves.get("fitness", ()))}
     return dataclasses.replace(

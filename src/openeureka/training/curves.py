@@ -1,4 +1,4 @@
-"""What is remembered of each epoch of each lane."""
+"""Training curves: one point per lane and epoch."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ from .rewards import correlation, moments
 class Curves:
     """Sums over the steps of an epoch, and the curves made of them.
 
-    F alone looks back over `window` epochs, as long as an episode. In one epoch only a dozen of some hundred worlds end
-    theirs, and worlds that once failed together stay in step: the maximum over epochs would reward luck and phase.
+    Only F is averaged over several epochs: the last `window`, which are as long as an episode. In one epoch only a
+    dozen of some hundred worlds end an episode, and worlds that once failed together stay in phase: the maximum over
+    single epochs would reward luck and phase.
 
-    Where F tells of steps, it waits for `full` epochs. All worlds begin with a reset: before an episode's length has
-    passed, F would be that of start states, and often the highest of the training.
+    Where F counts steps within episodes, it is None until `full` epochs have passed. All worlds begin with a reset:
+    until an episode's length has passed, F would be that of start states, which is often the highest of the training.
 
-    Where F tells of whole episodes at their ends, and one ended before its time, F waits for `settled` epochs. Until
-    twice the length of an episode has passed, episodes that last are missing among those that ended: a policy that
-    seldom succeeds, but then ends the episode, would show the F of its successes alone.
+    Where F counts only whole episodes, and one has terminated early, F is None until `settled` epochs have passed.
+    Until twice the length of an episode has passed, long episodes are missing among those that ended. A policy that
+    seldom succeeds, but whose success ends the episode, would show the F of its successes only.
 
     Sums stay on the device until the epoch is closed.
 
     Args:
         lanes, worlds: L lanes of n worlds.
-        window: epochs that F looks back over.
-        full: epochs after which F tells of steps that end no episode; 0 tells of them from the first.
-        settled: epochs after which F tells of episodes whose end may come early; 0 tells of them from the first.
+        window: epochs that F is averaged over.
+        full: epochs until F is told where it counts steps within episodes; 0 tells it from the first.
+        settled: epochs until F is told where episodes terminate early; 0 tells it from the first.
         components: (lane, name) of each reward component.
 
     Attributes:
-        moments: (L, 6), of own and human reward over every transition so far, see `rewards.moments`.
+        moments: (L, 6), sums of own and human reward over every transition so far, see `rewards.moments`.
     """
 
     def __init__(
@@ -58,11 +59,11 @@ class Curves:
         self._scores: deque[Tensor] = deque(maxlen=window)
         self._full, self._settled = full, settled
         self._where = torch.zeros(lanes, 2, dtype=torch.float64, device=device)
-        """Weight in F so far: of steps that terminated an episode, and of steps that ended none."""
+        """(L, 2) weight in F so far: of steps that terminated an episode, and of steps that ended none."""
         self.moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
         self._parts = torch.zeros(len(components), 4, dtype=torch.float64)
-        """Of each component, over the epochs whose parts count: its sum over transitions, their number, and both of
-        those early in an episode."""
+        """(components, 4), over the epochs closed with `parts`: a component's sum over all transitions, their number,
+        and both for the transitions early in an episode."""
         self._lane_of = torch.tensor([lane for lane, _ in components], dtype=torch.int64)
         self._start()
 
@@ -72,8 +73,8 @@ class Curves:
         self._steps = 0
 
     def add(self, step: Step, own: Tensor, human: Tensor, means: Tensor, early: Tensor) -> None:
-        """Take in one step of all lanes: rewards (L, n), what `LaneRewards` says of each component, and `early` (N,), 1
-        for worlds that are early in an episode."""
+        """Add one step of all lanes: rewards (L, n), component means (components, 2) of `LaneRewards`, and `early`
+        (N,), which is 1 for worlds that are early in an episode."""
 
         def per_lane(x: Tensor) -> Tensor:
             return x.view(self.lanes, self.worlds).double().sum(1)
@@ -91,8 +92,8 @@ class Curves:
     def close_epoch(self, *, parts: bool = False) -> tuple[list[float | None], list[float]]:
         """Append the epoch to every curve; returns F and the mean own reward per step of each lane.
 
-        F is None where no episode was scored, and where a finite one waits; NaN or infinite where the task made it so,
-        and None in its curve.
+        F is None where no episode was scored, and while a finite F waits for `full` or `settled`. A NaN or infinite F
+        is returned at once; in the curve it is None.
 
         Args:
             parts: whether the epoch counts for `early_and_late`.
@@ -115,7 +116,8 @@ class Curves:
             transitions = self._steps * self.worlds
             epoch = len(self.curves[lane].get("fitness", ()))
             looked = value / weight if weight else None
-            if epoch + 1 < waits[lane] and math.isfinite(looked or 0.0):  # else it is told at once, and stops the lane
+            # An F that is not finite is told at once, and stops the lane.
+            if epoch + 1 < waits[lane] and math.isfinite(looked or 0.0):
                 looked = None
             point: dict[str, float | None] = {
                 "fitness": looked,
@@ -133,13 +135,13 @@ class Curves:
         return fitness, own_means
 
     def _waits(self, terminated: float, elsewhere: float) -> int:
-        """Epochs after which F is told, by the weight in it of steps that terminated an episode, and of others."""
+        """Epochs until F is told, given its weight on steps that terminated an episode and on steps that ended none."""
         if elsewhere:
             return self._full
         return self._settled if terminated else 0
 
     def learned(self, statistics: Tensor) -> None:
-        """What PPO says of the update (L, 5) that followed the closed epoch; where it is not finite, nothing."""
+        """Add the PPO statistics (L, 5) of the update after the closed epoch; those that are not finite stay None."""
         for curves, row in zip(self.curves, statistics.tolist(), strict=True):
             for name, number in zip(STATISTICS, row, strict=True):
                 if abs(number) < float("inf"):
@@ -150,8 +152,8 @@ class Curves:
         self._parts = torch.zeros_like(self._parts)
 
     def early_and_late(self, lane: int) -> dict[str, tuple[float | None]]:
-        """One number each, the mean of a component early in episodes and in the rest of them; nothing where no epoch
-        counted."""
+        """Mean of each component early in episodes, and in the rest of them, as curves of one number; empty where no
+        epoch counted."""
         found: dict[str, tuple[float | None]] = {}
         for (own, name), (total, every, early, first) in zip(self.components, self._parts.tolist(), strict=True):
             if own == lane and every:
@@ -162,7 +164,7 @@ class Curves:
         return found
 
     def lane_state(self, lane: int) -> dict[str, Any]:
-        """All that is remembered of a lane between two epochs; tensors are copied."""
+        """All that is kept of a lane between two epochs; tensors are copied."""
         own = slice(lane, lane + 1)
         return {
             "curves": [self.curves[lane]],
@@ -173,7 +175,7 @@ class Curves:
         }
 
     def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
-        """Go on, when new, where these lanes of as many components were."""
+        """Restore lanes with the same components; only for curves that are still empty."""
         self.curves = [lane["curves"][0] for lane in lanes]
         self._scores.extend(torch.cat(epoch) for epoch in zip(*(lane["scores"] for lane in lanes), strict=True))
         self._where = torch.cat([lane.get("where", self._where[:1]) for lane in lanes])  # an older version saved none
@@ -181,10 +183,10 @@ class Curves:
         self._parts = torch.cat([lane["parts"].cpu() for lane in lanes])  # a state may be loaded onto the GPU
 
     def correlation(self, lane: int) -> float | None:
-        """Of own and human reward over every transition so far."""
+        """Pearson correlation of own and human reward over every transition so far."""
         return correlation(self.moments[lane])
 
 
 def _short(value: float) -> float:
-    """Six digits of what people alone read: a store of twenty lanes is half as large for it."""
+    """Rounded to six digits: only people read it, and a store of twenty lanes becomes half as large."""
     return float(f"{value:.6g}")

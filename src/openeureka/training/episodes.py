@@ -1,4 +1,4 @@
-"""Episodes of policies that were played, thinned, and what further rewards would have paid in them."""
+"""Recorded episodes of policies, thinned, and what other rewards would have paid in them."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from ..tasks.task import State
 from ..types import Episodes, RewardGraph, StateSpec
 
 EPISODES = 16
-"""Recorded of each policy, at most."""
+"""Most episodes that are recorded of a policy."""
 STEPS = 16
-"""States kept of an episode, at most; even."""
+"""Most states that are kept of an episode; even."""
 MAX_BYTES = 1 << 20
-"""Of the states of one policy."""
+"""Most bytes for the states of one policy."""
 TOGETHER = 2048
-"""States that a program is given at once: about the worlds of a training, for which its memory was judged."""
+"""States that a program is given at once: about as many as a training has worlds, for which its memory was checked."""
 
 
 class Recorder:
-    """Keeps states of some worlds at evenly spread steps, whose number nobody knows beforehand: when there are too
-    many, every second one goes, and those to come are twice as far apart.
+    """Keeps states of some worlds at evenly spaced steps.
 
-    The end of an episode is not kept for itself. What a reward pays for it once weighs as little as any other step.
+    How long episodes last is not known beforehand: when there are too many states, every second one is dropped, and
+    the spacing doubles. The last step of an episode is not kept specially: what a reward pays once at the end counts
+    as little as any other step.
 
     Args:
-        lanes: those of a simulation that are recorded.
-        worlds: of each lane of it; the first ones are recorded.
+        lanes: indices of the lanes of a simulation that are recorded.
+        worlds: worlds per lane; the first ones are recorded.
     """
 
     def __init__(self, spec: StateSpec, lanes: Sequence[int], worlds: int) -> None:
@@ -45,7 +46,7 @@ class Recorder:
         self._apart, self._most = 1, 0
 
     def add(self, number: int, state: State, running: Tensor) -> None:
-        """Step `number`, counted from 0: its state, and which worlds (N,) were still in their episode."""
+        """Record step `number`, counted from 0: its state, and which worlds (N,) were still in their episode."""
         if not self._lanes or number % self._apart:
             return
         if not self._most:
@@ -60,7 +61,7 @@ class Recorder:
         affordable = MAX_BYTES // (self._count * max(1, size))
         self._most = max(2, min(STEPS, affordable) // 2 * 2)
         others = [variable.name for variable in self._spec.variables if variable.kind in ("constant", "float", "int")]
-        # Constants may be parts of one tensor, or turned in memory: safetensors refuses to write either.
+        # Constants may be views of one tensor, or transposed in memory: safetensors refuses to write either.
         own = {name: torch.as_tensor(state[name]).cpu() for name in others}
         self._numbers = {name: value.clone(memory_format=torch.contiguous_format) for name, value in own.items()}
 
@@ -68,7 +69,7 @@ class Recorder:
         """What was recorded of each lane.
 
         Args:
-            sums: of each of these lanes (3, n): value times weight, weight and steps, of each world.
+            sums: for each recorded lane (3, n): value times weight, weight, and steps of each world.
         """
         if not self._taken:
             return
@@ -92,28 +93,28 @@ class Recorder:
 def rewards(
     env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
 ) -> Iterator[tuple[str, list[float]]]:
-    """What each program pays in every recorded state, on the CPU; nothing of one that fails there or is not finite."""
+    """What each program pays in every recorded state, on the CPU; programs that fail or are not finite are left out."""
     spec = registry.get(env).spec
     parts = list(_parts(spec, [load(one.states) for one in episodes]))
     for name, graph in programs.items():
         try:
             program = graphs.CompiledReward(graph, spec)
             paid = torch.cat([program(state, count)[0] for count, state in parts])
-        except (IndexError, RuntimeError):  # as an index that no state of its check had
+        except (IndexError, RuntimeError):  # such as an index that no state of its check had
             continue
         if bool(torch.isfinite(paid).all()):
             yield name, paid.tolist()
 
 
 def _parts(spec: StateSpec, recorded: Sequence[Mapping[str, Tensor]]) -> Iterator[tuple[int, dict[str, Any]]]:
-    """All recorded states, some at a time, with their number."""
+    """All recorded states in batches, each with its number of states."""
     joined: dict[str, Any] = {}
     for variable in spec.variables:
         name = variable.name
         if variable.kind == "world":
             joined[name] = torch.cat([one[name] for one in recorded])
         elif variable.kind != "num_envs":
-            value = recorded[0][name]  # the task's own, the same in all of them
+            value = recorded[0][name]  # belongs to the task: the same in every recording
             joined[name] = value if variable.kind == "constant" else value.item()
     worlds = spec.per_world
     for start in range(0, len(joined[worlds[0]]), TOGETHER):

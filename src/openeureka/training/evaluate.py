@@ -1,4 +1,4 @@
-"""Held-out score: on episodes that no training saw, in the task's world or one slightly changed."""
+"""Held-out scores: policies play episodes that no training saw, in the task's world or a slightly changed one."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from .episodes import Recorder
 from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
-"""Added to the seed, so that start states are other draws than those of training. Environments that are seeded
-themselves (`gym:`) have 2^24 seeds: now and then one is met again."""
+"""Added to the seed, so that start states are drawn differently from those of training. Environments with a random
+generator of their own (`gym:`) have only 2^31 seeds: now and then a seed of training recurs."""
 EPISODES = 256
-"""Of each policy, where nobody says how many."""
+"""Episodes of each policy, by default."""
 WORLDS = 16384
-"""At once; a world costs about 0.15 MB, on a GPU up to 1 MB (measured on ShadowHand)."""
+"""Most worlds simulated at once; a world costs about 0.15 MB, on a GPU up to 1 MB (measured on ShadowHand)."""
 LOOK = 32
-"""[steps]"""
+"""[steps] between two looks, on a GPU, at whether any world still plays."""
 ROUNDING = 1e-4
-"""Starts that differ by less are one; on a GPU contacts are summed in any order."""
+"""Start states that differ by less count as equal; on a GPU contacts are summed in an order that varies."""
 HIGHEST = 20
-"""One of so many contributions to F counts as among the highest."""
+"""One in this many contributions to F counts as among the highest."""
 
 
 def evaluate(
@@ -48,20 +48,20 @@ def evaluate(
 ) -> list[Evaluation]:
     """Score every policy of one task side by side, on the same start states.
 
-    Each world plays one episode; after it nothing counts there, and nothing need move. F is averaged as the task
-    defines it, over those episodes; so are costs, which are measured in the same plays.
+    Each world plays one episode; what follows there does not count, and need not be simulated. F is averaged over these
+    episodes as the task defines it. Costs are measured in the same episodes.
 
-    A policy plays without noise, but where all episodes begin alike: there they would be one.
+    Policies play without noise, except where all episodes begin alike: without noise these would be the same episode.
 
     Args:
         policies: lane id to safetensors bytes; equal network shapes.
         episodes: of each policy; 0 for `EPISODES`.
-        dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
-            world: they play no episode and have no score.
+        dynamics: by lane id, the changed world that the policy plays in. A task without MuJoCo has no changed worlds:
+            there such lanes play no episode and have no score.
         record: the lanes some of whose episodes come with the score.
-        untrained: the lanes that play with the weights that a seed begins with, in place of their policy's.
-        noise: whether actions have the noise of training; None where all episodes begin alike.
-        alive: called after every step of all worlds, and what else may take minutes.
+        untrained: by lane id, the seed whose initial weights play in place of the policy's.
+        noise: whether actions have the noise of training; None for only where all episodes begin alike.
+        alive: called after every step of all worlds, and around other work that may take minutes.
     """
     worlds, seed = episodes or EPISODES, seed + HELD_OUT_SEED
     changed = {lane: world for lane, world in (dynamics or {}).items() if world != NOMINAL}
@@ -98,7 +98,7 @@ def _side_by_side(
     noise: bool | None,
     alive: Callable[[], None],
 ) -> list[Evaluation]:
-    """Scores of as many policies as have room at once, each a lane of the simulation; `seed` is that of noise."""
+    """Scores of policies, each of which is a lane of the simulation; `seed` is that of the action noise."""
     lanes = len(policies)
     worlds = simulation.num_worlds // lanes
     meter = Meter(simulation)
@@ -119,9 +119,9 @@ def _side_by_side(
 
 
 def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
-    """Whether the episodes of every lane, of which none has made a step, are in one state, but for rounding.
+    """Whether, before the first step, all worlds of each lane are in the same state, up to rounding.
 
-    False where a lane has but one, and where the environment draws by itself: there equal starts may go on differently.
+    False where a lane has a single world, and for tasks without MuJoCo: their equal starts may go on differently.
     """
     if simulation.task.draws_itself or simulation.num_worlds == lanes:
         return False
@@ -138,15 +138,15 @@ def _play_once(
     recorder: Recorder,
     alive: Callable[[], None],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """One episode in every world: the sums (3, N) of value times weight, weight and steps, the contributions (steps, N)
-    to the first of them, and (N,) bool, where the physics broke down."""
+    """Play one episode in every world. Returns sums (3, N) of value times weight, weight, and steps; contributions
+    (steps, N) to the first of these sums; and (N,) bool, true where the physics broke down."""
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
-    simulation.sim.playing = running  # changes with it
+    simulation.sim.playing = running  # shared, and updated in place below
     broken = torch.zeros_like(running)
     total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
     contributions: list[Tensor] = []
     for number in itertools.count():
-        # On a GPU the host looks now and then whether any world still plays: looking waits for the device.
+        # On a GPU the host looks only now and then whether any world still plays: looking waits for the device.
         if number % (LOOK if simulation.masked else 1) == 0 and not bool(running.any()):
             break
         step = simulation.step(play(observation))
@@ -166,8 +166,8 @@ def _play_once(
 def summed_up(
     lane: str, sums: Tensor, contributions: Tensor, lost: int, costs: Mapping[str, float], recorded: Episodes | None
 ) -> Evaluation:
-    """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, the contributions
-    (steps, n) to the first of them, and in how many worlds the physics broke down."""
+    """One lane's score from the sums (3, n) of value times weight, weight, and steps of each world, the contributions
+    (steps, n) to the first of these sums, and the number of worlds whose physics broke down."""
     value, weight, steps = sums
     worlds, whole = len(weight), float(weight.sum())
     fitness = float(value.sum()) / whole if whole else None
@@ -189,10 +189,10 @@ def summed_up(
 
 
 def concentration(contributions: Tensor) -> float | None:
-    """Share of the positive contributions (any shape) that the highest twentieth of them makes; None without any.
+    """Share of the sum of positive contributions (any shape) that the highest twentieth of them makes up.
 
-    Where F counts successes all contributions are equal and the share is a twentieth, however rare they are. A score
-    that is never positive, such as a distance with a minus sign, has none: no state can be worth much there.
+    None where no contribution is positive, such as where F is a negative distance: no state can be worth much there.
+    Where F counts successes, all contributions are equal and the share is a twentieth, however rare successes are.
     """
     positive = contributions[contributions > 0].double()
     if not len(positive):

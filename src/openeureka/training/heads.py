@@ -20,7 +20,7 @@ class Head(ABC):
 
     @abstractmethod
     def noise(self, shape: Sequence[int], generator: torch.Generator) -> Tensor:
-        """What one seed contributes to `sample`, of the shape (B, A) of the outputs."""
+        """Random numbers for `sample` from one seed, of the shape (B, A) of the outputs."""
 
     @abstractmethod
     def sample(self, output: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
@@ -28,7 +28,7 @@ class Head(ABC):
 
     @abstractmethod
     def log_prob(self, output: Tensor, log_std: Tensor, action: Tensor) -> Tensor:
-        """(L, B)."""
+        """Log probabilities (L, B) of actions."""
 
     @abstractmethod
     def divergence(self, output: Tensor, log_std: Tensor, old: Tensor, old_log_std: Tensor) -> Tensor:
@@ -36,19 +36,19 @@ class Head(ABC):
 
     @abstractmethod
     def entropy(self, output: Tensor, log_std: Tensor) -> Tensor:
-        """(L,) [nats], averaged over samples."""
+        """Entropy (L,) [nats], averaged over samples."""
 
     @abstractmethod
     def excess(self, output: Tensor) -> Tensor:
-        """(L, B) by how much outputs are where no action is, squared."""
+        """How far outputs lie outside of the range of actions, squared: (L, B)."""
 
     @abstractmethod
     def best(self, output: Tensor) -> Tensor:
-        """The likeliest actions, as a task takes them."""
+        """The most likely actions, as a task takes them."""
 
 
 class Gaussian(Head):
-    """A diagonal Gaussian for every action; what is beyond [-1, 1] is clamped by the task."""
+    """A diagonal Gaussian over actions; the task clamps them to [-1, 1]."""
 
     def noise(self, shape: Sequence[int], generator: torch.Generator) -> Tensor:
         return torch.randn(shape, generator=generator, device=generator.device)
@@ -118,5 +118,5 @@ class Categorical(Head):
 
 
 def head(choices: Sequence[int]) -> Head:
-    """Of a task with these choices, or with continuous actions where there are none."""
+    """The head of a task with these choices, or with continuous actions where there are none."""
     return Categorical(choices) if choices else Gaussian()

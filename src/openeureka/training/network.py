@@ -1,6 +1,6 @@
-"""L actor-critic networks as one, and what normalises their inputs and values: everything has a leading lane axis.
+"""L actor-critic networks stacked into one, and the normalisers of their inputs and values.
 
-Every layer is one batched product.
+Every tensor has a leading lane axis, and every layer is one batched product.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from torch.nn import functional
 EPSILON = 1e-5
 LIMIT = 5.0
 ALL = slice(None)
-"""Lanes."""
+"""All lanes."""
 
 
 class RunningNorm:
-    """Running mean and variance: normalises the last axis with statistics of all that each lane has seen, apart.
+    """Normalises the last axis by the running mean and variance of all that a lane has seen, separately for each lane.
 
     Statistics start as those of one sample with mean 0 and variance 1 (rl_games' convention).
 
@@ -35,7 +35,7 @@ class RunningNorm:
         self.count = torch.ones(lanes, 1, 1, device=device)
 
     def update(self, x: Tensor) -> None:
-        """Take in x (L, B, D), by the parallel formula of Chan, Golub and LeVeque (1979)."""
+        """Add x (L, B, D) to the statistics, by the parallel formula of Chan, Golub and LeVeque (1979)."""
         batch = x.shape[1]
         mean = x.mean(1, keepdim=True)
         var = (x - mean).square_().mean(1, keepdim=True)  # four times as fast as torch.var_mean on a CPU
@@ -46,7 +46,7 @@ class RunningNorm:
         self.count = total
 
     def state_dict(self, lanes: slice = ALL) -> dict[str, Any]:
-        """Of these lanes, copied."""
+        """Statistics of these lanes, copied."""
         state = {"mean": self.mean, "var": self.var, "count": self.count}
         return {name: value[lanes].clone() for name, value in state.items()}
 
@@ -54,7 +54,7 @@ class RunningNorm:
         self.mean, self.var, self.count = saved["mean"], saved["var"], saved["count"]
 
     def normalize(self, x: Tensor, lanes: slice = ALL) -> Tensor:
-        """(L, B, D) of these lanes to zero mean and unit variance, clamped at +-5."""
+        """Normalise x (L, B, D) of these lanes to zero mean and unit variance, clamped at +-5."""
         return normalize(x, self.mean[lanes], self.var[lanes])
 
     def denormalize(self, x: Tensor, lanes: slice = ALL) -> Tensor:
@@ -69,7 +69,7 @@ def normalize(x: Tensor, mean: Tensor, var: Tensor) -> Tensor:
 
 
 CRITIC = "critic_"
-"""Begins the names of what is the value's alone."""
+"""Prefix of the names of parameters that only the critic uses."""
 
 
 class Output(NamedTuple):
@@ -84,14 +84,14 @@ class Output(NamedTuple):
 class StackedActorCritic:
     """A shared ELU trunk with linear heads for action mean and value, and a free log standard deviation, per lane.
 
-    Where actions are `choices` the means are preferences, and nothing has a deviation.
+    Where actions are `choices`, the means are preferences, and there is no standard deviation.
 
     All parameters are views of `flat` (L, P), so that an optimiser and a checkpoint are single tensor operations. Lanes
-    of equal seed start from equal weights: PyTorch's default linear initialisation, those of the action means times
-    `head`, biases 0, standard deviation `noise`.
+    of equal seed start from equal weights: PyTorch's default linear initialisation, scaled by `head` for the action
+    means, with biases 0 and standard deviation `noise`.
 
-    Of `unseen` columns of the observation the action knows nothing: their weights are 0 and stay so. The value then has
-    a trunk of its own, of the same size, which sees them (asymmetric actor-critic, arXiv 1710.06542).
+    The actor does not see the `unseen` columns of the observation: their weights are 0 and stay 0. The critic then has
+    its own trunk of the same size, which sees them (asymmetric actor-critic, arXiv 1710.06542).
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class StackedActorCritic:
 
     @property
     def log_std(self) -> Tensor:
-        """(L, 1, A), or (L, 1, 0) of choices."""
+        """(L, 1, A), or (L, 1, 0) for choices."""
         return self.parameters["log_std"] if "log_std" in self.parameters else self.flat.new_zeros(self.lanes, 1, 0)
 
     def lane(self, index: int) -> dict[str, Tensor]:

@@ -1,6 +1,7 @@
-"""What a paused lane, or a stopped training, leaves behind: states of lanes as bytes.
+"""States of lanes as bytes: what a paused lane or a stopped training leaves behind.
 
-What is in a state, and how those of several lanes become one, its owners say (`lane_state`, `load_lanes`).
+The classes that own a state define what it holds (`lane_state`), and how those of several lanes are joined
+(`load_lanes`).
 """
 
 from __future__ import annotations
@@ -13,28 +14,28 @@ import torch
 from torch import Tensor
 
 State = dict[str, Any]
-"""Of one lane, with an axis of length 1: nested dictionaries and lists of tensors, numbers and text."""
+"""The state of one lane: nested dictionaries and lists of tensors, numbers and text."""
 
 
 def save(state: State) -> bytes:
-    """Tensors, numbers and text alone, as PyTorch writes them."""
+    """The state in PyTorch's format; it may hold nothing but tensors, numbers and text."""
     file = io.BytesIO()
     torch.save(state, file)
     return file.getvalue()
 
 
 def load(data: bytes, device: torch.device) -> State:
-    """Inverse of `save`. What anybody else made of it can run nothing."""
+    """Inverse of `save`. Forged data cannot run code."""
     return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
 
 
 def kind(state: State) -> str:
-    """Of the device that a state was left on; an older version, which did not say, never ran on a GPU."""
+    """Kind of device that a state was saved on. An older version did not store it, and never ran on a GPU."""
     return state.get("device", "cpu")
 
 
 def joined(states: Sequence[State]) -> State:
-    """Tensors of all lanes one after the other, and lists, at every depth; of numbers, which are equal, the first."""
+    """One state of several lanes: tensors and lists are concatenated at every depth, and numbers are equal in all."""
 
     def of(values: Sequence[Any]) -> Any:
         first = values[0]

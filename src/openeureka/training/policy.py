@@ -26,8 +26,9 @@ class Policy:
 
     Tensors by name: `w0`, `b0`, ... trunk layers, `head_w`, `head_b` (actions, then the value), `log_std`,
     `observation_mean`, `observation_var`, `observation_count`, and the same of `value`. The action is the head's output
-    clamped to [-1, 1]; where there are choices, which have no `log_std`, a one for the option of each that has the
-    greatest output, and zeros. Hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
+    clamped to [-1, 1]. With choices, which have no `log_std`, it has a one at each choice's option with the
+    greatest output, and zeros elsewhere. Hidden layers are ELU. Inputs are (x - mean) / sqrt(var + 1e-5), clamped at
+    +-5.
     """
 
     env: str
@@ -35,10 +36,10 @@ class Policy:
     choices: tuple[int, ...] = ()
     """Options of each choice; empty where actions are continuous."""
     unseen: tuple[int, ...] = ()
-    """Columns of the observation that it does not look at: their weights are 0. Its value has a trunk of its own then,
-    under the same names after `critic_`."""
+    """Columns of the observation that the actor does not see: their weights are 0. The critic then has its own trunk,
+    under the same names with the prefix `critic_`."""
     interface: Mapping[str, str] = field(default_factory=dict)
-    """What `tasks.deployment.described` said of the task that it was trained on, as text; empty where nobody asked."""
+    """What `tasks.deployment.described` says of the task that it was trained on, as text; may be empty."""
 
     @staticmethod
     def of(env: str, ppo: PPO, lane: int, interface: Mapping[str, str] | None = None) -> Policy:
@@ -47,21 +48,21 @@ class Policy:
         return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices, ppo.network.unseen, interface or {})
 
     def untrained(self, seed: int, recipe: Recipe) -> Policy:
-        """What a training with a seed begins with, of the same shape; it sees of observations what this one sees."""
+        """The policy that a training with this seed begins with, of the same sizes and with the same unseen columns."""
         recipe = replace(recipe, hidden=self.hidden)
         sizes, cpu = (self.observations, self.actions), torch.device("cpu")
         return Policy.of(self.env, PPO([seed], *sizes, recipe, cpu, self.choices, self.unseen), 0, self.interface)
 
     def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
-        """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
+        """Let a lane continue from this policy: weights, exploration and all statistics; the optimiser begins anew.
 
         Weights may be mixed with fresh ones (shrink and perturb, arXiv 1910.08475). The log standard deviation is mixed
-        as they are, towards that of the recipe: a policy explores again as far as it was pushed from where it was, and
-        one that is not pushed goes on as it was. The head of the value, whose errors would only mislead, is kept.
+        with the recipe's in the same proportion: the more fresh weights a policy gets, the more it explores again. The
+        value's output layer is kept, and so is a critic's own trunk: errors of the value would only mislead.
 
         Args:
-            fresh: share of the weights that the lane was made with.
-            rescaled: leave out the statistics of returns, which are those of another reward.
+            fresh: share of the weights that the lane was initialised with.
+            rescaled: leave out the statistics of returns, because they are those of another reward.
         """
         own = ppo.network.lane(lane)
         mixed = {name: self.tensors[name].to(value).lerp(value, fresh) for name, value in own.items()}
@@ -74,7 +75,7 @@ class Policy:
                 tensor[lane] = self.tensors[name]
 
     def to_bytes(self) -> bytes:
-        # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
+        # One entry: safetensors writes several in no fixed order, and equal policies should be equal files.
         header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
         header |= {"choices": self.choices} if self.choices else {}
         header |= {"unseen": self.unseen} if self.unseen else {}
@@ -84,7 +85,7 @@ class Policy:
 
     @staticmethod
     def from_bytes(data: bytes) -> Policy:
-        """Raises RewardFileError for anything but a policy this version wrote."""
+        """Raises RewardFileError for anything but a policy file of this format."""
         try:
             size = int.from_bytes(data[:8], "little")
             header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
@@ -108,7 +109,7 @@ class Policy:
             ) from None
 
     def expect(self, observations: int | None = None, actions: int | None = None) -> None:
-        """Raises RewardFileError where the tensors are those of no network, or of one for a task of other sizes."""
+        """Raises RewardFileError where the tensors do not form a network, or form one for a task of other sizes."""
         try:
             wanted = shapes(self.observations, self.actions, self.hidden, self.choices)
             wanted |= dict.fromkeys(("observation_mean", "observation_var"), (1, self.observations))
@@ -151,10 +152,10 @@ def _statistics(ppo: PPO) -> dict[str, Tensor]:
 
 
 class Player:
-    """Play of L policies of equal shape, each in its own lane of worlds.
+    """Plays L policies of equal shape, each in its own lane of worlds.
 
     Args:
-        noise: seed of the noise that actions have as in training, the same for every lane; None for none.
+        noise: seed of action noise as in training, which is the same for every lane; None for actions without noise.
     """
 
     def __init__(self, policies: list[Policy], device: torch.device | str = "cpu", *, noise: int | None = None) -> None:
@@ -172,7 +173,7 @@ class Player:
     @torch.no_grad()
     def __call__(self, observation: Tensor) -> Tensor:
         """Actions (N, A), as a task takes them, for observations (N, O); N = L * n, lane by lane. Without noise they
-        are the likeliest ones."""
+        are the most likely ones."""
         x = observation.view(len(self.mean), -1, observation.shape[-1])
         output = self.network(normalize(x, self.mean, self.var)).mean
         if self._draws is None:

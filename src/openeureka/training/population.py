@@ -42,15 +42,15 @@ class Population:
 
     Args:
         env: name of the task.
-        specs: one a lane.
+        specs: one per lane.
         budget: steps and worlds of each lane; zeros take the task's recipe.
-        alive: called after every step of all worlds, also one played again, and what else may take minutes.
+        alive: called after every step of all worlds, replayed ones included, and after what else may take minutes.
 
     Attributes:
-        kind: of device, by which its state is known: nothing goes on from what another kind left.
-        epoch: epochs that are done.
-        until: epochs at which the lanes pause, or end.
-        clock: [s] of training, over all processes, at the end of the rollout of each epoch.
+        kind: kind of device, stored with each state: lanes continue only from states of the same kind.
+        epoch: number of epochs done.
+        until: number of epochs after which the lanes pause or end.
+        clock: [s] of training until the end of each epoch's rollout, earlier processes included.
     """
 
     def __init__(
@@ -100,20 +100,20 @@ class Population:
         self.best_fitness: list[Kept | None] = [None] * self.lanes
         self.best_reward: list[Kept | None] = [None] * self.lanes
         self._largest = torch.zeros(self.lanes, device=self.device)
-        """Largest own reward of each lane in this epoch, by size; NaN once any was."""
+        """(L,) largest absolute own reward of this epoch; NaN if any reward was NaN."""
         self.messages = [""] * self.lanes
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
         self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
         alive()
         self.clock: list[float] = []
-        self._before, self._started = 0.0, time.monotonic()  # [s] in processes before this one; the start of this
+        self._before, self._started = 0.0, time.monotonic()  # [s] in earlier processes; start of this one
         paused = [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]
-        # Elsewhere worlds and noise are others: these lanes begin anew, and so do those beside them.
+        # On another kind of device worlds and noise differ: then all lanes of the batch begin anew.
         if paused and {pausing.kind(lane) for lane in paused} == {self.kind}:
             self.load_lanes(paused)
 
     def _put_starts(self) -> None:
-        """Let lanes that carry a policy on begin with its weights."""
+        """Let lanes that continue a policy begin with its weights."""
         for lane, spec in enumerate(self.specs):
             if spec.start is not None:
                 Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
@@ -124,8 +124,8 @@ class Population:
             self.lanes,
             self.worlds,
             window=window,
-            # A training that is too short for them has the F of its end at least; a pause is no end, so that what goes
-            # on is as if it had not paused.
+            # Capped by the epochs of the whole training: a short one has an F at its end at least. A pause does not
+            # count as the end, so that a lane that pauses has the same curves as one that does not.
             full=min(window, self.epochs),
             settled=0 if task.counts_early else min(2 * window, self.epochs),
             components=self.rewards.components,
@@ -133,7 +133,7 @@ class Population:
         )
 
     def train(self) -> Iterator[TrainingEvent]:
-        """Yields progress about once a second, when its state may be saved, then one result per lane."""
+        """Yields progress about once a second, then one result per lane. After each progress the state may be saved."""
         began, self._started = self.epoch, time.monotonic()
         reported = self._started
         observation = self.observation
@@ -144,7 +144,7 @@ class Population:
                 self._alive()
                 early = (step.episode_length <= self._early).float()
                 own, human, means = self.rewards(step.state, early)
-                # What follows from the state of a world that broke down, and was put back, is nobody's merit.
+                # A world whose physics broke down was put back: the policy did not earn what this state pays.
                 bad = self._split(step.bad)
                 own, human = own.masked_fill(bad, 0.0), human.masked_fill(bad, 0.0)
                 self.curves.add(step, own, human, means, early)
@@ -174,11 +174,11 @@ class Population:
             yield self._result(lane, seconds)
 
     def _beyond(self, step: Step) -> Tensor:
-        """(L, n) value of what follows a time-out, 0 where there is none."""
+        """(L, n) value of what follows a time-out, 0 where no time-out is."""
         observation, timed_out = self._split(step.final_observation), self._split(step.timed_out)
         if not self.env.masked:
             return self.ppo.value_where(observation, timed_out)
-        # On a GPU, asking how many time-outs there are costs more than values that nobody needs.
+        # On a GPU, asking how many time-outs there are costs more than computing values that are not needed.
         return torch.where(timed_out, self.ppo.value(observation), 0.0)
 
     def snapshot(self) -> bytes:
@@ -186,7 +186,7 @@ class Population:
         return pausing.save({spec.id: self.lane_state(lane) for lane, spec in enumerate(self.specs)})
 
     def resume(self, snapshot: bytes) -> None:
-        """Go on, when new, from a snapshot of these lanes, or of more, on the same kind of device."""
+        """Continue, in a new population, from a snapshot of these lanes or of more, made on the same kind of device."""
         lanes = pausing.load(snapshot, self.device)
         self.load_lanes([lanes[spec.id] for spec in self.specs])
 
@@ -209,8 +209,10 @@ class Population:
         }
 
     def load_lanes(self, lanes: Sequence[pausing.State]) -> None:
-        """Go on, when new, where lanes of this task and budget paused, all at the same epoch; one that was alone, or
-        among the same, is the same to the bit. What lanes share is the slowest's."""
+        """Continue, in a new population, lanes of this task and budget that paused at the same epoch.
+
+        A lane that was alone, or beside the same lanes, continues bit for bit. Epoch, seconds and clock, which lanes
+        share, are those of the slowest lane."""
         slowest = max(lanes, key=lambda lane: lane["seconds"])
         self.epoch, self._before, self.clock = (slowest[name] for name in ("epoch", "seconds", "clock"))
         self.observation = torch.cat([lane["observation"] for lane in lanes])
@@ -246,7 +248,7 @@ class Population:
         self._largest = torch.maximum(self._largest, own.abs().amax(1))
 
     def _mask_diverged(self, epoch: int) -> None:
-        """Freeze lanes whose reward or policy is no longer a usable number; the others do not notice."""
+        """Freeze lanes whose reward or policy is no longer a usable number; the others are not affected."""
         usable = self._largest <= ABSURD  # False for NaN
         sound = torch.isfinite(self.ppo.network.flat).all(1)
         for lane in (self.ppo.active & ~(usable & sound)).nonzero().flatten().tolist():
@@ -267,7 +269,7 @@ class Population:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
         late = 9 * self.until // 10
         if epoch == late:
-            self.curves.forget_parts()  # those of the last epochs before a rung
+            self.curves.forget_parts()  # some may be from the epochs before a rung
         fitness, own = self.curves.close_epoch(parts=epoch >= late)
         for lane, active in enumerate(self.ppo.active.tolist()):
             if not active:
@@ -303,7 +305,7 @@ class Population:
             env_steps=trained * self.horizon * self.worlds,
             seconds=seconds,
             clock=tuple(round(time, 3) for time in self.clock[:trained]),
-            # The worlds of a lane that was stopped go on as long as those beside it.
+            # A stopped lane's worlds went on and were counted, because other lanes still trained.
             correlation=None if message else self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
@@ -314,7 +316,7 @@ class Population:
 
 
 def _interface(task: type[Task], unseen: Sequence[int]) -> dict[str, str]:
-    """What a policy keeps of its task; nothing where its `deployment` is wrong, which the report says."""
+    """What a policy file says of its task; empty where the task's `deployment` is wrong, which the report says."""
     try:
         return as_text(described(task, unseen))
     except TaskError:
@@ -322,7 +324,7 @@ def _interface(task: type[Task], unseen: Sequence[int]) -> dict[str, str]:
 
 
 def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | None]:
-    """What is followed of a lane while it trains."""
+    """Newest point of each curve that is shown while a lane trains."""
     followed = {name: curve for name, curve in curves.items() if name.startswith(("fitness", "reward", COMPONENT))}
     return {name: curve[-1] for name, curve in followed.items() if curve}
 

@@ -17,18 +17,18 @@ from .pausing import joined
 
 LEARNING_RATES = (1e-6, 1e-2)
 STATISTICS = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
-"""What `PPO.statistics` tells of an update, under the names of its columns."""
+"""Columns of `PPO.statistics`."""
 
 
 class Action(NamedTuple):
     """What the policies of L lanes chose, in n worlds each."""
 
     action: Tensor
-    """(L, n, A), not clamped; of choices ones and zeros."""
+    """(L, n, A), not clamped; for choices, ones and zeros."""
     log_prob: Tensor
     """(L, n)."""
     mean: Tensor
-    """(L, n, A), of choices the preferences."""
+    """(L, n, A); for choices, the preferences."""
     value: Tensor
     """(L, n) in reward units."""
 
@@ -55,7 +55,7 @@ class Rollout:
 def advantages(rollout: Rollout, last_value: Tensor, gamma: float, lam: float) -> Tensor:
     """Generalised advantage estimates (L, n, T) (arXiv 1506.02438).
 
-    A done step ends its episode; what a time-out is worth beyond it must already be in its reward.
+    A done step ends its episode. The value of what follows a time-out must already be in its reward.
 
     Args:
         last_value: (L, n) value of the observation after the last step.
@@ -76,15 +76,16 @@ class PPO:
     """Policies, normalisers and optimiser of L lanes; knows no environment.
 
     Lanes share every kernel and nothing else: gradients, gradient norms, learning rates and statistics are per lane, so
-    that a lane learns what it would learn alone. A lane of `active` False is frozen.
+    that a lane learns what it would learn alone. A lane whose `active` is False is frozen.
 
     Args:
         choices: options of each choice where actions are discrete; `actions` is then their sum.
-        unseen: columns of the observation that the value alone may know.
+        unseen: columns of the observation that only the critic sees.
 
     Attributes:
-        statistics: (L, 5), a column for each of `STATISTICS`, of the last update: means over its minibatches, the
-            divergence from when a minibatch was last seen; entropy [nats] and learning rate after it. NaN where frozen.
+        statistics: (L, 5), a column for each of `STATISTICS`, of the last update. Losses and KL are means over gradient
+            steps; the KL is that since the minibatch was last seen. Entropy [nats] and learning rate are those at its
+            end. NaN for frozen lanes.
     """
 
     def __init__(
@@ -133,9 +134,9 @@ class PPO:
         return self._value(output.value, lanes)
 
     def value_where(self, observation: Tensor, where: Tensor) -> Tensor:
-        """`value` in the worlds where `where` (L, n) is true, 0 in the others; the host waits to know which those are.
+        """`value` in the worlds where `where` (L, n) is true, 0 in the others; the host waits to learn which those are.
 
-        One lane at a time: in one product, how many worlds one lane has would round the values of the others.
+        One lane at a time: in one product, the number of worlds of one lane would change how those of others round.
         """
         values = torch.zeros(where.shape, device=self.device)
         for lane in where.any(1).nonzero().flatten().tolist():
@@ -159,7 +160,7 @@ class PPO:
 
         size = worlds * horizon
         raw, actions, means = (v.flatten(1, 2) for v in (rollout.observation, rollout.action, rollout.mean))
-        # Statistics take the observations in at the end: the whole update sees them as the acting policy saw them.
+        # The normaliser is updated at the end: the whole update sees observations as the acting policy saw them.
         observations = self.observations.normalize(raw)
         log_prob, advantage = rollout.log_prob.flatten(1), advantage.flatten(1)
         edges = [round(i * size / recipe.minibatches) for i in range(recipe.minibatches + 1)]
@@ -178,8 +179,8 @@ class PPO:
 
     @torch.no_grad()
     def _tell(self, steps: Sequence[Tensor], means: Tensor) -> None:
-        """Statistics of an update from those of its gradient steps, (L, 3) each, and the outputs (L, B, A) of its last
-        epoch; they stay on the device."""
+        """Set `statistics` from those of each gradient step, (L, 3), and the outputs (L, B, A) of the last epoch; all
+        of it stays on the device."""
         entropy = self.head.entropy(means, self.network.log_std)
         told = torch.cat((torch.stack(list(steps)).mean(0), entropy[:, None], self.learning_rate), dim=1)
         self.statistics = told.masked_fill(~self.active[:, None], math.nan)
@@ -199,7 +200,7 @@ class PPO:
         }
 
     def load_lanes(self, lanes: Sequence[dict[str, Any]]) -> None:
-        """Go on, when new, where lanes of the same seeds, sizes and recipe were, after equally many updates."""
+        """Restore, in a new PPO, lanes of the same seeds, sizes and recipe, all after equally many updates."""
         saved = joined(lanes)
         self.network.flat.copy_(saved["network"])  # in place: all parameters are views of it
         self.observations.load_state_dict(saved["observations"])
@@ -213,7 +214,7 @@ class PPO:
     def _step(
         self, observation: Tensor, action: Tensor, old: tuple[Tensor, ...], advantage: Tensor, target: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """One gradient step on a minibatch; returns the means and log std that it measured the divergence with, and
+        """One gradient step on a minibatch; returns the means and log std that the divergence was measured with, and
         (L, 3) surrogate loss, value loss and divergence."""
         recipe = self.recipe
         old_mean, old_log_std, old_log_prob, old_value = old

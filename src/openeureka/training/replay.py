@@ -18,10 +18,10 @@ _INDEX = {"index", "index_put", "index_put_", "_index_put_impl_", "_unsafe_index
 
 
 class Replay:
-    """Calls a function on a GPU as a graph, elsewhere as it is.
+    """Calls a function: on a GPU as a recorded graph, elsewhere directly.
 
     The function must depend on its arguments alone, whose shapes stay as they are, and must not wait for the device
-    (`waits`). Its results are fresh.
+    (`waits`). Its results are fresh tensors.
     """
 
     def __init__(self, function: Function) -> None:
@@ -44,7 +44,7 @@ class Replay:
         self._inputs = [value.clone() for value in inputs]
         here, aside = torch.cuda.current_stream(), torch.cuda.Stream()
         aside.wait_stream(here)
-        with torch.cuda.stream(aside):  # libraries set themselves up on first use, which no graph may hold
+        with torch.cuda.stream(aside):  # libraries initialise on first use, which no graph may hold
             for _ in range(_WARM_UP):
                 self._function(self._inputs)
         here.wait_stream(aside)
@@ -61,8 +61,8 @@ def waits(function: Callable[[], object], *, uploads: bool = False) -> list[str]
     runs on.
 
     Args:
-        uploads: name what a GPU must be sent too: tensors made from several Python numbers, and a number written at an
-            index. `x[worlds] = 1.0` made the host wait on an H200. Write `x.index_fill_(0, worlds, 1.0)`.
+        uploads: also name what copies data to a GPU: tensors made from several Python numbers, and a number written at
+            an index. `x[worlds] = 1.0` made the host wait on an H200. Write `x.index_fill_(0, worlds, 1.0)`.
     """
     with _Listener(uploads) as listener:
         function()
@@ -74,13 +74,13 @@ class _Listener(Mode):
         super().__init__()
         self.uploads = uploads
         self.heard: list[str] = []
-        self._number: Tensor | None = None  # made from a Python number last
+        self._number: Tensor | None = None  # the last tensor made from a Python number
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         name = func.overloadpacket.__name__
         picks = name in _INDEX and any(_is_mask(index) for index in args[1])
         made = name == "lift_fresh"
-        # Single numbers travel with the launch, but where they are written at an index.
+        # A single number travels with the launch, unless it is written at an index.
         uploads = (made and args[0].dim() > 0) or (name in _INDEX and len(args) > 2 and args[2] is self._number)
         if name in _WAIT or picks or (self.uploads and uploads):
             self.heard.append(str(func))

@@ -1,4 +1,4 @@
-"""What each lane is paid, computed on the same state: its reward, and a bonus for progress that is rare."""
+"""What each lane is paid, computed on the same state: its reward, and a bonus for rare progress."""
 
 from __future__ import annotations
 
@@ -17,31 +17,32 @@ from ..types import PROGRESS, Bonus, RewardProgram
 from .replay import Replay, waits
 
 MAX_CALL_SECONDS = 2.0
-"""Processor time of one lane's reward for one step on a CPU: four times what a check lets through."""
+"""Most processor time of one lane's reward for one step on a CPU: four times what the check allows."""
 ROUNDING = 1e-12
-"""Sums of squares cancel; what is left below this share of them is rounding."""
+"""A difference of sums of squares that is below this share of the sums is rounding."""
 VALUES = 3
-"""Progress values of a program that count, the first ones."""
+"""Progress values of a program that count; further ones do not."""
 BINS = 10
-"""Of each value. Three values make 1,000 bins: an even share of a training of a million steps visits each a thousand
-times, and pays 3 % of a first visit at its end. With finer bins everything would stay new."""
+"""Bins of each progress value. Three values make 1,000 bins. A training of a million steps, evenly spread, visits each
+a thousand times, and in the end pays 3 % of what a first visit pays. With finer bins everything would stay new."""
 
 
 class LaneRewards:
     """Runs the reward programs of L lanes on their slices of the worlds.
 
-    On a GPU all generated programs together are one launch, but for those that pick worlds by a mask: sixteen programs
-    of thirty small operations would otherwise cost more than the physics.
+    On a GPU the generated programs of neighbouring lanes are one launch, except those that wait for the device, such as
+    by selecting worlds with a mask. Sixteen programs of thirty small operations would otherwise cost more than the
+    physics.
 
     Args:
         task: the task whose human and sparse reward may be among the programs.
         programs: one per lane.
         worlds: worlds per lane, n.
-        bonus: what generated rewards get beside what they say, see `TrainBudget`.
+        bonus: what is added to generated rewards, see `TrainBudget`.
 
     Attributes:
         components: (lane, name) of each component of any program.
-        counts: of progress, where the bonus is paid for it.
+        counts: visits of progress bins; None unless the bonus is paid for progress.
     """
 
     def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: Bonus = "none") -> None:
@@ -59,12 +60,12 @@ class LaneRewards:
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
         self.counts = ProgressCounts(len(self.programs), task.device) if bonus == "progress" else None
         self._progress = torch.full((len(self.programs), VALUES, worlds), math.nan, device=task.device)
-        """Progress values of the last step; NaN for lanes that have none, 0 for what a lane has fewer of."""
+        """Progress values of the last step; NaN for lanes that have none, 0 in place of those that a lane lacks."""
         self._parts: list[_Part] = []
 
     def __call__(self, state: State, early: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
-        """Own reward (L, n), human reward (L, n) and, of each of `components`, the mean over its worlds, and that of
-        its product with `early` (N,): (components, 2)."""
+        """Own reward (L, n), human reward (L, n), and (components, 2): the mean of each of `components` over its lane's
+        worlds, and the mean of its product with `early` (N,)."""
         lanes, n = len(self.programs), self.worlds
         task = self.task
         human = per_world(task, "human_reward", task.human_reward(state)).view(lanes, n)
@@ -103,17 +104,17 @@ class LaneRewards:
         return _Part(programs, self.worlds, self._per_world, recorded=recorded, counting=counting)
 
     def error(self, lane: int) -> str:
-        """What a lane's program raised first, if it ever did."""
+        """The first error of a lane's program, empty if it had none."""
         return next((part.errors[lane] for part in self._parts if lane in part.errors), "")
 
     def bonus(self, state: State, bad: Tensor, sums: Tensor) -> Tensor | None:
-        """What is added to the own rewards (L, n) before they train, outside of all curves and correlations.
+        """What is added to the own rewards (L, n) for training only; curves and correlations leave it out.
 
         Args:
             state: that of the last call.
             bad: (L, n) worlds that broke down: they are paid nothing.
-            sums: of `moments` so far, (L, 6). What progress pays is in standard deviations of a lane's own reward, as
-                nobody knows how large rewards are: PPO takes a reward in any unit, and so it must take this.
+            sums: (L, 6), sum of `moments` so far. The bonus for progress is in standard deviations of a lane's own
+                reward, because rewards come in any unit.
         """
         if self.counts is not None:
             return self.counts(self._progress, ~bad) * spread(sums)[:, None]
@@ -121,7 +122,7 @@ class LaneRewards:
         return None if bonus is None else (bonus.view(-1, self.worlds) * self._generated).masked_fill(bad, 0.0)
 
     def lane_state(self, lane: int) -> dict[str, Any]:
-        """All that is remembered of a lane between two steps, copied."""
+        """All that is kept of a lane between two steps, copied."""
         return {"visits": self.counts.visits[lane : lane + 1].clone()} if self.counts is not None else {}
 
     def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
@@ -153,7 +154,7 @@ class _Part:
         self._run = Replay(self._evaluate) if recorded else self._evaluate
 
     def __call__(self, state: State, early: Tensor) -> tuple[Tensor, ...]:
-        # Numbers are constants of the task, so that a recording may hold them.
+        # Numbers are constants of the task, so a recording may hold them.
         self._numbers = {name: state[name] for name in self._names if not isinstance(state[name], Tensor)}
         return self._run([early, *(state[name] for name in self._names if name not in self._numbers)])
 
@@ -185,7 +186,7 @@ class _Part:
                 if seconds < MAX_CALL_SECONDS or reward.device.type != "cpu":
                     return reward, components
                 self.errors[lane] = f"the reward took {seconds:.1f} s for one step"
-        except (IndexError, RuntimeError) as error:  # as an index that no recorded state had
+        except (IndexError, RuntimeError) as error:  # such as an index that no recorded state had
             if any(isinstance(value, Tensor) and value.device.type != "cpu" for value in state.values()):
                 raise  # after a fault a GPU computes nothing more in this process
             self.errors[lane] = f"the reward failed with {type(error).__name__}: {error}"[:300]
@@ -204,7 +205,7 @@ def moments(own: Tensor, human: Tensor) -> Tensor:
 
 
 def spread(sums: Tensor) -> Tensor:
-    """Standard deviation (L,) of the own rewards that these sums (L, 6) are of; 1 where it is 0 or not finite."""
+    """Standard deviation (L,) of the own rewards, from sums (L, 6) of `moments`; 1 where it is 0 or not finite."""
     count, x, _, xx, _, _ = sums.unbind(dim=-1)
     mean, square = x / count, xx / count
     variance = square - mean * mean
@@ -222,14 +223,14 @@ def correlation(sums: Tensor) -> float | None:
 
 
 class ProgressCounts:
-    """Visits of how far episodes have come, and what rare ones pay: a table for each of L lanes; none knows another's.
+    """Counts visits of progress bins, and pays for rare ones: each of L lanes has its own table.
 
     The idea is that of progress counts (arXiv 2410.09187): a program says coarsely how far an episode has come, and a
-    policy is paid for being where the ones before it have hardly been, by the inverse root of visits (arXiv
+    policy is paid for states that its training has rarely reached so far, by the inverse root of visits (arXiv
     1606.01868).
 
     Attributes:
-        visits: (L, 1000) integers: a sum of them is exact and does not depend on the order, on a GPU neither.
+        visits: (L, 1000) integers, because their sums are exact in any order, also on a GPU.
     """
 
     def __init__(self, lanes: int, device: torch.device) -> None:
@@ -237,11 +238,11 @@ class ProgressCounts:
         self._places = BINS ** torch.arange(VALUES, device=device)[:, None]
 
     def __call__(self, values: Tensor, counted: Tensor) -> Tensor:
-        """Count a step of n worlds, and say what it pays: (L, n), 1 / sqrt(visits of the bin), this step among them.
+        """Count a step of n worlds, and return what it pays: (L, n), 1 / sqrt(visits of the bin), this step included.
 
         Args:
-            values: (L, 3, n), clamped to 0..1. A world in which one is not finite visits nothing, and is paid nothing.
-            counted: (L, n), false for worlds that visit nothing either.
+            values: (L, 3, n), clamped to 0..1. A world where one of them is not finite is neither counted nor paid.
+            counted: (L, n), false for further worlds that are neither counted nor paid.
         """
         counted = counted & torch.isfinite(values).all(1)
         steps = (values.nan_to_num(0.0).clamp(0.0, 1.0) * BINS).long().clamp(max=BINS - 1)

@@ -29,14 +29,14 @@ STATES = "states"
 
 
 def pack_lanes(env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Frame:
-    """What to train; policies and states to go on from are blobs."""
+    """What to train; policies and states to continue from are blobs."""
     starts = {lane.id: lane.start for lane in lanes if lane.start is not None}
     starts |= {f"{lane.id} {PAUSED}": lane.paused for lane in lanes if lane.paused is not None}
     header = {
         "env": env,
         "lanes": [replace(lane, start=None, paused=None) for lane in lanes],
         "budget": budget,
-        # Snapshots are known by this header: trainings that begin elsewhere must not share one.
+        # Snapshots are identified by this header: trainings with other starts must not share one.
         "starts": {name: hashlib.sha256(start).hexdigest() for name, start in starts.items()},
     }
     return Frame(plain(header), starts)
@@ -82,7 +82,7 @@ def unpack_score(frame: Frame) -> Evaluation:
 
 
 def pack_question(env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]) -> Frame:
-    """What programs would have paid in episodes."""
+    """The question what programs would have paid in recorded episodes."""
     bare = [replace(one, states=b"") for one in episodes]
     header = {"do": "rewards", "env": env, "programs": programs, "episodes": bare}
     return Frame(plain(header), {str(place): one.states for place, one in enumerate(episodes)})
