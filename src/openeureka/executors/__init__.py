@@ -8,7 +8,7 @@ EXECUTORS = Door(
     built_in={"local": "openeureka.executors.local:LocalExecutor"},
     members=("train", "evaluate", "rewards"),
 )
-"""Each is called with `device=`, `threads=` and `snapshots=`, the folder for states of trainings under way, and with
-`address=` where that is set, and makes a `types.Trainer`."""
+"""Each is called with `device=`, `threads=`, `snapshots=` (the folder for states of trainings under way) and, where it
+is set, `address=`. It returns a `types.Trainer`."""
 
 __all__ = ["EXECUTORS"]

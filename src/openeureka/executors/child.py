@@ -1,4 +1,4 @@
-"""The process that trains: reads one request a frame, streams progress and results, dies with its parent."""
+"""The process that trains: reads one request per frame, streams progress and results, dies with its parent."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def main() -> None:
             else:
                 _evaluate(channel, request, options)
         except CapacityError:
-            raise  # one lane's, perhaps: without it the others may find room
+            raise  # perhaps one lane's fault: without it the others may have room
         except WorkerError as error:
-            sys.exit(str(error))  # who steps the worlds is gone: this process is tried again, as if it had died itself
+            sys.exit(str(error))  # the process that steps the worlds died: retried as if this one had
         except (Exception, SystemExit) as error:
             broken = error if isinstance(error, TaskError) else fault(error)
             if broken is None:
@@ -68,7 +68,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
 
 
 def _train(channel: Channel, request: Frame, population: Population) -> None:
-    """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
+    """Stream messages and, now and then, a snapshot to continue from; when the parent asks to stop, a last one."""
     if SNAPSHOT in request.blobs:
         population.resume(request.blobs[SNAPSHOT])
     saved = time.monotonic()

@@ -20,16 +20,16 @@ from .local import MAX_WORLDS
 WORKER, WORLD = 0.4e9, 0.15e6
 """[bytes] of memory that a worker takes, and each of its worlds."""
 ROUNDS = 2
-"""Populations for each place of several machines: the quick take more of them, and one that joins finds some."""
+"""Populations per place of several machines: quick machines take more of them, and one that joins finds some left."""
 FULL = 8
-"""Lanes for each place below which another round would cost more than it gains: small populations train slowly."""
+"""Lanes per place below which a second round costs more than it gains: small populations train slowly."""
 OBJECT_STORE = 200 << 20
-"""[bytes] of a cluster of this machine alone; frames stay there until they are read."""
+"""[bytes] of Ray's object store on a cluster of this machine alone; frames stay there until they are read."""
 ANSWER = 60.0
 """[s] that a node may take to say what it has: it starts a process for that."""
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
-    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # the cluster logs to its files, not into the middle of a table
     "RAY_NUM_REDIS_GET_RETRIES": "1",  # an address where nobody answers is given up in less than a minute
 }
 
@@ -54,15 +54,15 @@ class Resources:
 
 
 _joined = ""
-"""The `address=` by which this process is part of a cluster; empty where it is of none, or was by itself."""
+"""The `address=` by which `connect` joined a cluster; empty if it joined none, or the process was in one before."""
 
 
 def connect(address: str) -> Any:
-    """The module `ray`, part of the cluster from here on; a process is part of one cluster for as long as it lives.
+    """Join the cluster, and return the module `ray`. A process belongs to one cluster for as long as it lives.
 
     Raises:
-        ConfigError: when there is no such cluster, Ray is missing or another one, this process is part of another
-            cluster, or anybody could give it orders.
+        ConfigError: when there is no such cluster, Ray is missing or of another version, this process belongs to
+            another cluster, or the cluster takes orders from anybody.
     """
     global _joined
     ray = _imported(address)
@@ -89,7 +89,7 @@ def connect(address: str) -> Any:
 
 @contextmanager
 def _sigterm_kept() -> Generator[None]:
-    """Ray replaces who handles SIGTERM by one that ends this process at once, and no training would be kept."""
+    """Keep the handler of SIGTERM: Ray's own ends this process at once, and no training would leave its state."""
     before = signal.getsignal(signal.SIGTERM)
     try:
         yield
@@ -128,16 +128,16 @@ def _open(where: str) -> ConfigError:
 
 
 def living(ray: Any, without: Collection[str] = ()) -> list[Resources]:
-    """What each node that is there offers, without those of these ids."""
+    """What each living node offers, except for the nodes of these ids."""
     return [Resources.of(node) for node in ray.nodes() if node["Alive"] and node["NodeID"] not in without]
 
 
 def shares(offers: Sequence[Resources], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
     """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
 
-    A population takes as many cores as leave room for all of them at once, or for a population a core, where the memory
-    of its part of a node holds a worker and one lane; and no more worlds than that part holds. On a GPU it takes one
-    core.
+    A population gets the most cores with which the cluster still has a place for each lane, or as many places as it can
+    have. The memory of a place, its part of the node's, must hold a worker and one lane, and a population has no more
+    worlds than its place holds. On a GPU it takes one core.
     """
     if device == "cuda":
         room, memory, threads = sum(min(offer.gpus, offer.cores) for offer in offers), math.inf, max(1, threads)
@@ -149,7 +149,7 @@ def shares(offers: Sequence[Resources], lanes: int, worlds: int, device: str, th
             return min(parts, default=0.0)
 
         roomy = [number for number in range(most, 0, -1) if memory_of(number) >= WORKER + worlds * WORLD]
-        # Where no part is large enough, memory is estimated: the fewest side by side are tried.
+        # Memory is an estimate: where no part seems large enough, the fewest populations side by side are tried.
         options = [threads] if threads else roomy or [most][: bool(most)]
         fitting = {number: sum(offer.cores // number for offer in offers) for number in options}
         wanted = min(lanes, max(fitting.values(), default=0))
@@ -164,7 +164,7 @@ def shares(offers: Sequence[Resources], lanes: int, worlds: int, device: str, th
 
 
 class UnlikeNode(ConfigError):
-    """A node's numbers would differ from this machine's."""
+    """A node would compute other numbers than this machine."""
 
 
 def check(node: Mapping[str, Any], *, guarded: bool, device: str = "cpu", env: str = "") -> None:
@@ -174,13 +174,13 @@ def check(node: Mapping[str, Any], *, guarded: bool, device: str = "cpu", env: s
         env: the task; its file, if it has one, must be the same.
 
     Raises:
-        UnlikeNode: with what runs where.
-        ConfigError: where anybody may give it orders.
+        UnlikeNode: when versions or the file differ; it says what runs where.
+        ConfigError: when anybody may give it orders.
     """
     if guarded and not node["token"]:
         raise _open(node["host"])
     here, there = ray_node.versions(), node["versions"]
-    # A machine that only searches has no need of what GPUs need.
+    # A machine that only searches need not have the packages for GPUs.
     without = [name for name in ray_node.ON_GPUS if device != "cuda" or here[name] == "none"]
     if odd := [name for name, number in here.items() if name not in without and there.get(name) != number]:
         theirs = ", ".join(f"{name} {there.get(name, 'none')}" for name in odd)
@@ -193,7 +193,7 @@ def check(node: Mapping[str, Any], *, guarded: bool, device: str = "cpu", env: s
 
 
 def lacking(error: Exception) -> ConfigError | None:
-    """What to do where a node raised this for want of a package; None for any other error."""
+    """What to tell a person if a node raised this error because it lacks a package; None for any other error."""
     if "ModuleNotFoundError" not in str(error):
         return None
     return ConfigError(
@@ -203,8 +203,8 @@ def lacking(error: Exception) -> ConfigError | None:
 
 
 def survey(address: str) -> list[dict[str, Any]]:
-    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock. Of one
-    that cannot say, its `host` and a `fault`, in a sentence."""
+    """What each node of a cluster has: `ray_node.about`, its `cores` and `gpus`, and the `offset` [s] of its clock. A
+    node that does not answer has its `host` and a `fault`, in a sentence."""
     ray = connect(address)
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 

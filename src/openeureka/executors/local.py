@@ -1,4 +1,4 @@
-"""Lanes on this machine: a process a GPU or core, so that a crash of the simulator never takes a run down."""
+"""Lanes on this machine: one process per GPU or core, so that a crash of the simulator never takes a run down."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ CPU = "cpu"
 CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
 MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
-"""On a CPU a world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid). On a GPU
-the simulator alone has 76 kB (Ant) to 1 MB (ShadowHand), with all of them 5 to 68 GB (measured on an H200)."""
+"""On a CPU a world costs about 0.15 MB, almost whatever the model (measured on Cartpole and Humanoid). On a GPU the
+simulator alone takes 76 kB (Ant) to 1 MB (ShadowHand) a world, 5 to 68 GB for all of them (measured on an H200)."""
 
 
 def devices(setting: str) -> tuple[str, ...]:
-    """One name for each worker process: `cuda` is every GPU that this process sees; several names stand between commas.
+    """One name for each worker process: `cuda` is every GPU that this process sees; commas separate several names.
 
     Raises:
         ConfigError: when this machine lacks one of them.
@@ -33,17 +33,17 @@ def devices(setting: str) -> tuple[str, ...]:
     found: list[str] = []
     for name in setting.split(","):
         check_device(name.strip())
-        # Counting does not initialise CUDA: the memory that costs belongs to the workers.
+        # Counting does not initialise CUDA, which would take memory from the workers.
         gpus = [f"cuda:{index}" for index in range(torch.cuda.device_count())]
         found += gpus if name.strip() == "cuda" else [name.strip()]
     return tuple(found)
 
 
 def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Seat, ...]:
-    """A seat for each worker process, where up to so many populations can train side by side.
+    """A seat for each worker process, for up to `populations` that train side by side.
 
-    On one CPU they get a process each, as far as there are cores: while the small operations of one population keep a
-    single core busy, the others need not wait.
+    On one CPU each population gets a process, as far as there are cores: the small operations of one population keep
+    only a single core busy.
 
     Args:
         threads: of all workers on a CPU together, or of each worker where several devices are named; 0 for all cores.
@@ -56,14 +56,14 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Sea
 
 
 class LocalExecutor(retry.Questions):
-    """A `types.Trainer`: the lanes of a call are one population a worker, or several in turn when they are too many for
-    one simulation.
+    """A `types.Trainer`: the lanes of a call form one population per worker, or several in turn when they are too many
+    for one simulation.
 
     Args:
         device: where to train, see `devices`; a GPU has one worker process, a CPU may have several, see `workers`.
         threads: simulation and tensor threads, 0 for all cores.
-        snapshots: folder in which trainings that take minutes leave their state, to go on from when this process or a
-            worker is killed; None for trainings that begin anew.
+        snapshots: folder in which trainings that take minutes leave their state, to continue from after this process
+            or a worker is killed; None for trainings that begin anew.
         module: what the worker runs; tests replace it.
         silence: [s] after which a worker that says nothing is ended and replaced.
         max_worlds: the most worlds on a device at a time, over all lanes; 0 for what the kind of device usually holds.
@@ -94,8 +94,8 @@ class LocalExecutor(retry.Questions):
 
         Raises:
             TaskError: when there is no such environment, or its own code fails.
-            WorkerError: when no lane of a population could be trained, nor then the task's human reward, tried for an
-                epoch: the machine is at fault, and no generated reward.
+            WorkerError: when no lane of a population could be trained, and then not even the task's human reward for
+                one epoch: the machine is at fault, not a generated reward.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
         crew = [seat.device for seat in workers(self._devices, self._threads, len(lanes))]

@@ -1,7 +1,7 @@
-"""Lanes on the machines of a Ray cluster: an actor a population, wherever Ray finds the cores or the GPU for it.
+"""Lanes on the machines of a Ray cluster: one actor per population, wherever Ray finds the cores or the GPU for it.
 
-Ray places, and says who died. What is tried again, and from which snapshot, is this machine's to say, as it holds the
-store. Frames travel as bytes.
+Ray places actors, and reports which have died. This machine holds the store, so it decides what is tried again, and
+from which snapshot. Frames travel as bytes.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from .retry import Errand
 from .transport import SILENCE, Seat, WorkerLost
 
 POLL = 1.0
-"""[s] between two looks at calls that say nothing, between which Ctrl-C is heard."""
+"""[s] between two looks at silent calls; Ctrl-C is heard between them."""
 
 _log = logging.getLogger(__name__)
 
 
 class RayExecutor(retry.Questions):
-    """A `types.Trainer` whose lanes are dealt by what the nodes of a cluster have.
+    """A `types.Trainer` that deals lanes by what the nodes of a cluster have.
 
     Args:
         device: `cpu` or `cuda`: a population takes cores, or one whole GPU.
-        threads: cores of each population; 0 for as many as all populations find at once, and fewer where no node is
-            left that has so many.
+        threads: cores of each population; 0 for as many as leave room for all populations at once, and for fewer when
+            no node with so many is left.
         snapshots: see `local.LocalExecutor`.
         address: `auto` for the cluster that this machine is part of, `HOST:PORT`, or `local` for one of its own.
         module: what a worker runs; tests replace it.
@@ -61,8 +61,8 @@ class RayExecutor(retry.Questions):
         self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
         self._ray = cluster.connect(address)
         self._actors = Actors(self._ray, module, silence, exact=threads > 0)
-        # Questions wait for one core of a node, and then take what the others there leave: waiting for a whole node may
-        # take for ever where several searches share a cluster, and they are brief.
+        # Questions are brief: they wait for one core of a node, and use the other cores as far as these are idle. Where
+        # several searches share a cluster, waiting for a whole node may take for ever.
         super().__init__(self._actors, Seat("cuda:0" if device == "cuda" else "cpu", threads))
         self._had_room = False
 
@@ -72,7 +72,7 @@ class RayExecutor(retry.Questions):
         Raises:
             ConfigError: when no node has had what `device=` and `threads=` ask for, or those that have it run other
                 versions.
-            TaskError, WorkerError: as there.
+            TaskError, WorkerError: as `local.LocalExecutor.train` does.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
         count, threads = self._shares(len(lanes), worlds)
@@ -82,7 +82,7 @@ class RayExecutor(retry.Questions):
         return scheduler.train(self._transport, errands, [self._seat._replace(threads=threads)] * len(errands))
 
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
-        """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
+        """See `cluster.shares`. Waits for room, if the cluster had some before or has neither cores nor GPUs yet."""
         while True:
             offers = self._actors.offers()
             count, threads = cluster.shares(offers, lanes, worlds, self._device, self._threads)
@@ -98,10 +98,10 @@ class RayExecutor(retry.Questions):
 
 
 class Actors:
-    """A `Transport` that has each call served by an actor of its own.
+    """A `Transport` that serves each call by its own actor.
 
     Args:
-        exact: a call waits for as many cores as its seat has, also while no node has them.
+        exact: a call waits for as many cores as its seat has, even while no node has so many.
     """
 
     def __init__(self, ray: Any, module: str, silence: float, *, exact: bool) -> None:
@@ -112,10 +112,10 @@ class Actors:
         self._unlike = set[str]()
         """Ids of nodes whose numbers would differ."""
         self._shunned = set[str]()
-        """The id of the node that the next call keeps off, if another has what it needs."""
+        """The id of the node that the next call avoids, if another node has what it needs."""
 
     def offers(self) -> list[Resources]:
-        """What the nodes offer on which actors may run."""
+        """What each node offers on which actors may run."""
         return cluster.living(self._ray, self._unlike)
 
     def call(self, request: Frame, seat: Seat) -> ActorCall:
@@ -142,11 +142,11 @@ class Actors:
         return ActorCall(self, self._ray, actor, stream, needs, self._silence, env=request.header["env"])
 
     def admit(self, node: Mapping[str, Any], needs: Resources, env: str) -> None:
-        """Look at a node that has taken a call.
+        """Check a node that has begun to serve a call.
 
         Raises:
-            WorkerLost: when its numbers would differ: no other call goes there.
-            ConfigError: when no other node has what the call needs, or anybody may give this one orders.
+            WorkerLost: when its numbers would differ: no further call goes there.
+            ConfigError: when they would and no other node has what the call needs, or anybody may give it orders.
         """
         try:
             cluster.check(node, guarded=self._guarded, device="cuda" if needs.gpus else "cpu", env=env)
@@ -160,7 +160,7 @@ class Actors:
             raise WorkerLost("Training stopped: the node that was to train runs other versions.") from None
 
     def shun(self, node: str) -> None:
-        """The next call, of what was at work there, is tried elsewhere: the node may be at fault, as by a sick GPU."""
+        """Let the next call, which repeats what failed there, avoid this node: its GPU may be faulty, for instance."""
         self._shunned = {node}
 
     def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
@@ -180,7 +180,7 @@ class Actors:
         return []
 
     def _look(self, calls: Sequence[ActorCall]) -> None:
-        """Now and then: what waits for more cores than any node has is lost, and so asked for again with fewer."""
+        """Now and then, give up calls that wait for more cores than any node has: they are made again with fewer."""
         waiting = [call for call in calls if call.waiting]
         if not waiting or time.monotonic() - self._looked < POLL:
             return
@@ -191,7 +191,7 @@ class Actors:
         self.tell(waiting=len(vain) == len(calls) and not any(call.lost for call in vain))
 
     def tell(self, *, waiting: bool) -> None:
-        """Say once that all waits for a node; nobody else does."""
+        """Warn once while all calls wait for a node; nothing else tells it."""
         if waiting and not self._told:
             _log.warning("No node of the cluster has room: waiting for one that has. Ctrl-C stops it, nothing is lost.")
         self._told = waiting
@@ -222,7 +222,7 @@ class ActorCall:
 
     def receive(self) -> Frame:
         self._transport.wait([self])  # `next` would wait for ever
-        if not self._ray.wait([self.stream], timeout=0)[0]:  # what is there is read, also where this process slept
+        if not self._ray.wait([self.stream], timeout=0)[0]:  # a frame that is there is read, however late
             if self.lost:
                 raise WorkerLost("Training stopped: no node is left that has the cores it waited for.")
             raise self._died("Training stopped: The worker process did not answer in time.")
@@ -249,11 +249,11 @@ class ActorCall:
         return {**progress, "nodes": {self._node["host"]: share}}
 
     def _ending(self, error: Exception) -> WorkerError | ConfigError:
-        """What to say of an actor that is gone."""
+        """The error to raise for an actor that is gone."""
         if getattr(error, "actor_init_failed", False) or isinstance(error, self._ray.exceptions.RayTaskError):
             return cluster.lacking(error) or WorkerError(f"Training stopped: {str(error).splitlines()[-1]}")
         alive = {node["NodeID"] for node in self._ray.nodes() if node["Alive"]}
-        if self._node.get("id") not in alive:  # also of one that never said where it is: it had begun nothing
+        if self._node.get("id") not in alive:  # also if it never said where it is: it had not begun
             return WorkerLost("Training stopped: the node that trained is gone.")
         return self._died(
             f"Training stopped: the Ray worker on {self._node['host']} ended before it answered; Ray ends one also "
@@ -261,7 +261,7 @@ class ActorCall:
         )
 
     def _died(self, said: str) -> WorkerError:
-        """One that had reported may have died of anything, and need not wait for another node."""
+        """The error of a dead worker. If it never reported, the retry avoids its node, which may be at fault."""
         if self._node and not self._reported:
             self._transport.shun(self._node["id"])
         return WorkerError(said)

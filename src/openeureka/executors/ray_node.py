@@ -1,4 +1,4 @@
-"""What runs on the nodes of a Ray cluster: it passes frames on between the driver and a worker, and says where it is.
+"""What runs on the nodes of a Ray cluster: it passes frames between the driver and a worker, and describes its node.
 
 Ray starts it from the package that is installed on the node. It imports neither torch nor a simulator: the worker does.
 """
@@ -22,16 +22,16 @@ from ..worker import framed, unframed
 from .transport import ProcessCall, Processes, Seat
 
 DECIDING = ("torch", "mujoco")
-"""Packages whose versions numbers depend on, beside this one and Python."""
+"""Packages whose versions decide the numbers of a training, besides this one and Python."""
 ON_GPUS = ("mujoco-warp",)
-"""Those that they depend on where a GPU steps the worlds."""
+"""Further such packages where a GPU steps the worlds."""
 
 FOREVER = 1e8
-"""[s] that the kernel still takes for a time to wait."""
+"""[s] About the longest wait that the kernel accepts."""
 
 
 def versions() -> dict[str, str]:
-    """What decides on the numbers of a training, by name. Builds of one version for a CPU and for CUDA count as one."""
+    """Versions that decide the numbers of a training, by name. Builds for a CPU and for CUDA count as one version."""
     found = {"openeureka": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
     for name in (*DECIDING, *ON_GPUS):
         try:
@@ -42,7 +42,7 @@ def versions() -> dict[str, str]:
 
 
 def task_digest(env: str) -> str:
-    """Of the file that a person's own task is in; empty where it is in none, or the file is not here."""
+    """Digest of the file that a person's own task is in; empty where there is no such file, or it is not here."""
     file = named_file("env", env)
     with suppress(OSError):
         return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file and not env.startswith("python:") else ""
@@ -50,7 +50,7 @@ def task_digest(env: str) -> str:
 
 
 def about(env: str = "") -> dict[str, Any]:
-    """This node, in plain data: `memory` in bytes that are free, `time` in seconds of its clock, `task` the digest of
+    """This node, in plain data: `memory` the free bytes, `time` in seconds of its clock, `task` the digest of
     the file that the task is in."""
     import ray
 
@@ -72,14 +72,14 @@ def _free_memory() -> int:
 
 
 class Share:
-    """An actor that has one request served, by a process beside it: what the process does to itself, it survives."""
+    """An actor that has one request served by a child process, and survives whatever happens to that."""
 
     def __init__(self, module: str) -> None:
-        self._processes = Processes(module, silence=FOREVER)  # the driver listens for silence
+        self._processes = Processes(module, silence=FOREVER)  # the driver watches for silence
         self._call: ProcessCall | None = None
 
     def serve(self, request: bytes, device: str, threads: int) -> Iterator[bytes]:
-        """Frames of the worker, the first of which says where this is; `died` is its end, in a sentence."""
+        """Frames of the worker, after one that describes this node; `died` says in a sentence how the worker ended."""
         asked = unframed(request)
         yield framed({"node": about(asked.header["env"])})
         self._call = self._processes.call(asked, Seat(device, threads))

@@ -35,34 +35,38 @@ from .transport import FAREWELL, LONGEST_FAREWELL, Call, Seat, Transport, Worker
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
 TOGETHER = 2
-"""Attempts of all lanes of a population that have no result; more of them may be one lane's fault."""
+"""Attempts that train all unfinished lanes of a population together; after these, a single lane may be at fault."""
 FATAL = 2
-"""Deaths of workers that were given one state and never reported, after which it is removed. One death need not be its
-doing: a GPU that another program holds, a full disk and too little memory end a worker as early."""
+"""A state is removed after so many workers in a row were given it and died before they reported. A single death may
+have another cause: a GPU that another program holds, a full disk and too little memory end a worker as early."""
 LOSSES = 10
-"""Machines that may leave with one population or question before they count as its doing."""
+"""Machines that may be lost with one population or question before it counts as the cause."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Lanes that are asked for at once."""
+    """Lanes that one request asks to train."""
 
     lanes: tuple[LaneSpec, ...]
     budget: TrainBudget
     control: bool = False
-    """Only whether it trains is of interest."""
+    """Whether it only shows that this machine can train at all; its results are dropped."""
 
 
 class Errand:
     """Lanes that train as one population, until each has a result.
 
-    They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
-    attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count,
-    nor one that left a state from beyond where all before it died: in days of training, a worker may be killed more
-    than once by no lane of its own; nor one whose death shows that a state is at fault. The device may be at fault as
-    well, so `choose` has another one try.
+    They train together, together once more, then one by one, so that a lane that kills its process takes no other with
+    it. Each attempt continues from the last snapshot. Three kinds of failed attempts do not count:
+
+    - The machine was lost.
+    - The attempt left a state from beyond the epoch where any before it died: in days of training, a worker may be
+      killed more than once through no fault of its lanes.
+    - The death shows that the state which the worker was given is at fault.
+
+    The device may be at fault as well, so `choose` lets another one try.
 
     Args:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
@@ -77,18 +81,18 @@ class Errand:
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
         self._losses, self._early = 0, 0
-        """Machines that left, and workers that died one after the other of the state they were given."""
+        """Machines that were lost, and workers in a row that died before they reported, with the same state."""
         self._device, self._devices, self._deaths = "", set[str](), Counter[str]()
-        """Where the attempt runs, where it could, and deaths by device; one before the first report, as of a sick GPU,
+        """The attempt's device, all devices, and deaths by device; one before the first report, as on a faulty GPU,
         counts twice."""
         self._epoch, self._kept, self._died = 0, 0, math.inf
-        """Epochs: the last that was reported, that of the last state which this attempt left, and the furthest at which
-        one has died."""
+        """Epochs: in this attempt, the last reported and that of the last state kept; in all, the furthest at which a
+        worker died."""
         self._reported, self._apart = 0.0, 0.0
-        """[s] When the worker reported last, 0 where it has not, and how long after the report before."""
+        """[s] Time of the worker's last report, 0 before the first, and time between its last two."""
 
     def _attempts(self) -> Iterator[Batch]:
-        """What to try next, by what is left at that moment."""
+        """What to try next, from the lanes that have no result at that moment."""
         for _ in range(TOGETHER):
             if self._left:
                 yield Batch(tuple(self._left.values()), self._budget)
@@ -111,14 +115,15 @@ class Errand:
 
     @property
     def farewell(self) -> float:
-        """[s] that the worker may take for a last snapshot: the rest of an epoch, or a slower one."""
+        """[s] that the worker may take for a last snapshot: its epoch must end first, and may be a slow one."""
         return min(max(FAREWELL, 2 * self._apart), LONGEST_FAREWELL)
 
     def choose(self, free: Collection[Seat], seats: Sequence[Seat]) -> Seat | None:
-        """Which of the free seats is to try now, that where its workers died least; None for none of them.
+        """The free seat to use now, where the fewest of its workers have died; None to wait for a busy one.
 
-        A seat where they died less is waited for where two have died, or one before it reported, and by the control, as
-        that judges the machine. Any other death is rare, and a GPU need not idle for hours after it.
+        It waits if workers have died less often elsewhere, and either two died here, or one before it reported, or the
+        attempt is the control, which judges the machine. A single later death is rare, and a GPU should not idle for
+        hours because of it.
         """
         assert self._attempt is not None
         self._devices = {seat.device for seat in seats}
@@ -130,7 +135,7 @@ class Errand:
         return None if waits and any(self._deaths[device] < deaths for device in self._devices) else found
 
     def request(self, device: str) -> Frame:
-        """What to ask a worker on this device for, now."""
+        """The request of the current attempt to a worker on this device."""
         assert self._attempt is not None
         self._device = device
         self._reported, self._apart = 0.0, 0.0
@@ -143,12 +148,12 @@ class Errand:
         return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})
 
     def hear(self, call: Call) -> tuple[TrainingEvent | None, bool]:
-        """What the worker says next, if it concerns anybody, and whether its attempt is over.
+        """The worker's next event, None if it is of no use to the caller, and whether the attempt is over.
 
         Raises:
             TaskError: when the task's own code fails.
-            WorkerError: when no lane could be trained, nor then the task's human reward on any device: the machine is
-                at fault, and no generated reward.
+            WorkerError: when no lane could be trained, and then not even the task's human reward on any device: the
+                machine is at fault, not a generated reward.
         """
         assert self._attempt is not None
         try:
@@ -179,8 +184,8 @@ class Errand:
         return self.told(frame), False
 
     def keep(self, frame: Frame) -> None:
-        """Keep the state that a frame brings, if any; where the disk is full, the one before stays, and training goes
-        on: there may be room by the time that it has results."""
+        """Keep the state in a frame, if any. Where the disk is full, the state before it stays and training goes on:
+        there may be room again by the time that it has results."""
         if SNAPSHOT not in frame.blobs:
             return
         try:
@@ -191,7 +196,7 @@ class Errand:
             self._kept, self._early = self._epoch, 0
 
     def told(self, frame: Frame) -> TrainingEvent | None:
-        """What a frame says, if it concerns anybody; what it said before is stored by now."""
+        """The event in a frame, None if it is of no use to the caller, who has stored all earlier ones by now."""
         assert self._attempt is not None
         self.keep(frame)
         if frame.header.get("done") and not self._left:
@@ -205,20 +210,20 @@ class Errand:
             self._epoch, self._early = message.epoch, 0
             self._apart, self._reported = now - (self._reported or now), now
         elif self._left.pop(message.lane, None) is None:
-            return None  # the machine before told it as well, before it left
+            return None  # a machine that was lost had told it already
         return message
 
     def _end(self, attempt: Batch, reason: str) -> None:
-        """Go on with the next attempt; lanes that none of them trains have the reason of their last."""
+        """Go on to the next attempt. A lane that no attempt can train keeps the reason of its last one."""
         self._reasons |= {lane.id: reason for lane in attempt.lanes}
         self._attempt = next(self._plan, None)
         if self._attempt is not None and self._attempt.control:
-            self._deaths = Counter({self._device: 1})  # elsewhere first, and nowhere for what the lanes did
+            self._deaths = Counter({self._device: 1})  # elsewhere first; deaths that lanes may have caused do not count
         if self._attempt is None:
             forget(self._snapshots, self._env, [lane.id for lane in self.lanes])
 
     def failed(self) -> Iterator[TrainingResult]:
-        """Results of the lanes that nothing could train."""
+        """Results of the lanes that no attempt could train."""
         for lane in self._left.values():
             yield TrainingResult(
                 lane=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
@@ -227,20 +232,20 @@ class Errand:
 
 
 def together(snapshots: Path | None, env: str, budget: TrainBudget, device: str) -> list[list[str]]:
-    """Lane ids of each population that has left a snapshot from which such a training can go on."""
+    """Lane ids of each population that has left a snapshot from which such a training can continue."""
     return groups(snapshots, _about(pack_lanes(env, (), budget), device))
 
 
 def _about(asked: Frame, device: str) -> dict[str, Any]:
-    """What a snapshot of it is known by."""
+    """What a snapshot of this request is identified by."""
     return {**asked.header, "device": device.partition(":")[0]}
 
 
 class Questions:
-    """What one worker answers of a `types.Trainer`: a class that inherits it adds `train`.
+    """The methods of a `types.Trainer` that a single worker answers; a subclass adds `train`.
 
     Args:
-        seat: of the worker; what rewards pay is computed on its cores.
+        seat: of the worker; `rewards` runs on its CPU cores.
     """
 
     def __init__(self, transport: Transport[Any], seat: Seat) -> None:
@@ -257,12 +262,12 @@ class Questions:
         record: Collection[str] = (),
         untrained: Mapping[str, int] | None = None,
     ) -> Iterator[Evaluation]:
-        """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose
-        machine left more often.
+        """Score of each policy. A worker that dies is replaced once, by one that scores the remaining policies; one
+        whose machine is lost is replaced up to `LOSSES` times.
 
         Raises:
             TaskError: when the task's own code fails.
-            WorkerError: when it dies again.
+            WorkerError: when the second worker dies too, or one machine too many is lost.
         """
         header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
         header |= {"dynamics": plain(dynamics or {}), "record": list(record), "untrained": dict(untrained or {})}
@@ -289,8 +294,8 @@ class Questions:
     def rewards(
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
     ) -> dict[str, Sequence[float]]:
-        """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
-        came to is left out. The second begins behind the program that may have ended the first.
+        """What each program pays in each recorded state. If the worker dies, a second one begins behind the program
+        that may have killed it. Programs that neither came to are left out.
 
         Raises:
             TaskError: when the task's own code fails.

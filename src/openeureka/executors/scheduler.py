@@ -1,4 +1,4 @@
-"""Deals lanes into populations, and populations to workers: who waits, whose turn it is, how far all of them are."""
+"""Deals lanes into populations, and populations to workers: which of them wait, which is next, how far all are."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .transport import AnyCall, Seat, Transport, farewell
 
 
 def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[LaneSpec]]:
-    """Lanes of about `count` populations. What a snapshot was taken of (`kept`, ids) stays together, as far as it has
-    no result: no other population can go on from it."""
+    """Lanes dealt into about `count` populations. Those that share a snapshot (ids in `kept`) stay together, as far as
+    they have no result: no other population can continue from it."""
     left = {lane.id: lane for lane in lanes}
     groups = ([left.pop(name) for name in names if name in left] for names in kept)
     together = [group for group in groups if group]
@@ -26,9 +26,9 @@ def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -
 def train(transport: Transport[AnyCall], errands: Sequence[Errand], seats: Sequence[Seat]) -> Generator[TrainingEvent]:
     """Train every errand, as many side by side as there are seats; messages as they come.
 
-    A seat that is free takes the next errand in turn that does not wait for another one. Where training is stopped, by
-    Ctrl-C, by an error or as nobody wants more, what is under way leaves its state. Where somebody still listens,
-    results that come until then are told before the error.
+    A free seat takes the next errand that does not wait for another seat. When training is stopped, by Ctrl-C, by an
+    error or because the caller closes this generator, the errands under way leave their state. Unless it was closed,
+    results that come until then are yielded before the error.
 
     Raises:
         TaskError, WorkerError: see `Errand.hear`.
@@ -57,8 +57,8 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], seats: Seque
                         joint.close(errand)
                     else:
                         joint.pause(errand)
-                        waiting.appendleft(errand)  # its lanes without a result go before anybody else's
-    except GeneratorExit:  # nobody listens
+                        waiting.appendleft(errand)  # its lanes without a result come before other errands
+    except GeneratorExit:  # the caller wants no more
         for errand, frame in _stopped(transport, running):
             errand.keep(frame)
         raise
@@ -75,7 +75,7 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], seats: Seque
 def _stopped(
     transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Errand, Seat]]
 ) -> Iterator[tuple[Errand, Frame]]:
-    """What trainings that may go on later still say: their state, and results of those that end meanwhile."""
+    """Last frames of trainings that may continue later: their state, and results of those that end meanwhile."""
     resumable = {call: errand.farewell for call, (errand, _) in running.items() if errand.resumable}
     for call, frame in farewell(transport, resumable):
         yield running[call][0], frame
@@ -88,14 +88,14 @@ class JointProgress:
     errands: int
     running: dict[Errand, TrainingProgress] = field(default_factory=dict)
     began: dict[Errand, int] = field(default_factory=dict)
-    """The epoch at which each was first heard of; far from 0 where it goes on from a snapshot."""
+    """The epoch of each errand's first report; well above 0 where it continued from a snapshot."""
     done: int = 0
     fitness: dict[str, float | None] = field(default_factory=dict)
     latest: dict[str, Mapping[str, float | None]] = field(default_factory=dict)
 
     def add(self, errand: Errand, progress: TrainingProgress) -> TrainingProgress:
-        """The epoch is the mean over the errands, rounded down: that of one training. The rate is that of all that are
-        under way."""
+        """Progress of all errands, after that of one. The epoch is the mean over errands, rounded down; the rate is the
+        sum over those under way."""
         self.running[errand] = progress
         self.began.setdefault(errand, progress.epoch)
         self.fitness |= progress.fitness
@@ -121,7 +121,7 @@ class JointProgress:
         return found
 
     def pause(self, errand: Errand) -> None:
-        """Nobody trains it for now: it is as far as it was, at no rate."""
+        """No worker trains the errand for now: it stays at its epoch, with a rate of 0."""
         if errand in self.running:
             self.running[errand] = replace(self.running[errand], env_steps_per_second=0.0, nodes={})
 

@@ -1,4 +1,4 @@
-"""Where trainings under way leave their state, so that what ends a process costs minutes and not hours."""
+"""Snapshots of trainings under way, so that a killed process costs minutes and not hours."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ ABOUT = ".json"
 
 
 def groups(folder: Path | None, request: Mapping[str, Any]) -> list[list[str]]:
-    """Lane ids of each population that has left a snapshot there of what is requested, whatever its lanes. What cannot
-    be read is left out: its training begins anew."""
+    """Lane ids of each population whose snapshot in `folder` matches the request, whatever its lanes. Snapshots that
+    cannot be read are left out: their trainings begin anew."""
     wanted = _About.of(request).rest
     return [about.lanes for about in _left(folder).values() if about.rest == wanted]
 
 
 def forget(folder: Path | None, env: str, lanes: Collection[str]) -> None:
-    """Remove what these lanes left and nobody else shares: nothing more is tried with them."""
+    """Remove the snapshots that hold no lanes but these: nothing more is tried with them."""
     if folder is None:
         return
     for name, about in _left(folder).items():
@@ -40,7 +40,7 @@ class _About:
     env: str
     lanes: list[str]
     digests: list[str]
-    """Of what each lane trains with."""
+    """Digest of what each lane trains with."""
     rest: str
     """Digest of all else that was asked for, and of the version of this package."""
 
@@ -57,13 +57,13 @@ class _About:
         )
 
     def serves(self, other: _About) -> bool:
-        """Whether the lanes of another can go on from it."""
+        """Whether the lanes of `other` can continue from a snapshot of this."""
         mine, theirs = (set(zip(about.lanes, about.digests, strict=False)) for about in (self, other))
         return self.rest == other.rest and mine >= theirs
 
 
 def _left(folder: Path | None) -> dict[str, _About]:
-    """What there are snapshots of, by the names of their files."""
+    """What each snapshot was taken of, by the name of its file."""
     if folder is None:
         return {}
     files = (file for file in artifacts.names(folder.parent, folder.name) if file.endswith(ABOUT))
@@ -83,13 +83,14 @@ def _digest(value: object) -> str:
 
 
 class Snapshot:
-    """The newest state of one population, in a file that exists while the training is unfinished; beside it, its lanes.
+    """The newest state of one population, in a file that exists while the training is unfinished; a file beside it says
+    what it was taken of.
 
     Args:
         folder: where the file is; None keeps nothing.
-        request: what is trained. Its lanes go on from what was asked for alike, also where that was in more company:
-            of the others there are results.
-        others: some of that company have none yet, and are to go on from it later: it is left as it is.
+        request: what is trained. Its lanes can also continue from a snapshot of the same request with more lanes.
+        others: whether some of those further lanes have no result yet. Such a snapshot is then not overwritten, because
+            they will continue from it.
     """
 
     def __init__(self, folder: Path | None, request: Mapping[str, Any], *, others: bool = False) -> None:
@@ -117,12 +118,12 @@ class Snapshot:
         self.trust()
 
     def trust(self) -> None:
-        """A worker went on from the state: whatever ends it now, it can be read."""
+        """Note that a worker has continued from the state: whatever ends it now, the state is readable."""
         self._trusted = True
 
     @property
     def suspect(self) -> bool:
-        """Whether a worker was given a state, and has not gone on from it."""
+        """Whether a worker was given a state, and has not continued from it so far."""
         return bool(self._begun) and not self._trusted
 
     def distrust(self) -> None:
@@ -131,7 +132,7 @@ class Snapshot:
             _remove(self._folder, self._begun)
 
     def remove(self) -> None:
-        """The training is finished; the folder goes with the last file."""
+        """Remove the state of a finished training, and the folder with the last file."""
         if self._folder is not None:
             _remove(self._folder, self._name)
 
@@ -139,7 +140,7 @@ class Snapshot:
 def _remove(folder: Path, name: str) -> None:
     for suffix in (".pt", ABOUT):
         artifacts.remove(folder.parent, _file(folder, name, suffix))
-    with suppress(OSError):  # others are under way
+    with suppress(OSError):  # it holds the files of other trainings
         folder.rmdir()
 
 

@@ -1,6 +1,6 @@
-"""How a request reaches a worker and what it says comes back: here, a child process of this machine a request.
+"""How a request reaches a worker and its answers come back: here, one child process of this machine per request.
 
-An executor elsewhere brings its own `Transport`; `scheduler` and `retry` know no other difference.
+An executor on other machines brings its own `Transport`; `scheduler` and `retry` see no other difference.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from ..errors import EurekaError, TaskError, WorkerError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 SILENCE = 600.0
-"""[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
+"""[s] without a sign of life after which a worker counts as hung; it gives one a second, but compiles for seconds."""
 LOOK = 10.0
-"""[s] between two looks at workers that say nothing. Who comes to look this much too late was stopped itself, as by
-`docker pause`, and cannot say how long a worker has been silent."""
+"""[s] between two looks at silent workers. Where a look comes this much too late, this process was itself suspended, as
+by `docker pause`, and cannot tell how long a worker has been silent."""
 FAREWELL, LONGEST_FAREWELL = 10.0, 100.0
-"""[s] that a worker may take for a last snapshot when a training is stopped: it looks once an epoch, or a second. Where
-epochs are long it may take up to the second; Slurm, as the guide to clusters sets it, kills after two minutes."""
+"""[s] that a worker may take for a last snapshot when a training is stopped: the first as a rule, the second with long
+epochs. It notices the stop once an epoch, or once a second. Slurm, as the guide to clusters sets it, kills after two
+minutes."""
 
 
 class Seat(NamedTuple):
@@ -31,7 +32,7 @@ class Seat(NamedTuple):
 
     device: str
     threads: int
-    """Of simulation and tensors; 0 for all cores."""
+    """Simulation and tensor threads; 0 for all cores."""
 
 
 class WorkerLost(WorkerError):
@@ -45,7 +46,7 @@ class Call(Protocol):
         """The next frame; the last one's header says `done`.
 
         Raises:
-            WorkerError: when the worker died or hangs, WorkerLost when its machine did. It must then be closed.
+            WorkerError: when the worker died or hangs, WorkerLost when its machine did. The call must then be closed.
             TaskError: when the task's own code fails there.
         """
         ...
@@ -66,16 +67,16 @@ class Transport(Protocol[AnyCall]):
     """Where requests are served."""
 
     def call(self, request: Frame, seat: Seat) -> AnyCall:
-        """Send a request. A worker that cannot be reached is one that died: `receive` says so."""
+        """Send a request. A worker that cannot be reached counts as dead: `receive` raises that."""
         ...
 
     def wait(self, calls: Sequence[AnyCall], timeout: float | None = None) -> Sequence[AnyCall]:
-        """Those whose `receive` returns or raises at once, as soon as there are any; none after `timeout` [s]."""
+        """The calls whose `receive` returns or raises at once, as soon as there are any; none after `timeout` [s]."""
         ...
 
 
 class Processes:
-    """A `Transport` that starts a process for each call, and ends it with it.
+    """A `Transport` that starts a process for each call, and ends it with the call.
 
     Args:
         module: what the process runs, see `child`.
@@ -117,7 +118,7 @@ def _ready(calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequen
 
 
 class ProcessCall:
-    """A `Call` that a process of its own serves."""
+    """A `Call` that its own process serves."""
 
     def __init__(self, worker: Worker, silence: float) -> None:
         self.worker = worker
@@ -133,13 +134,13 @@ class ProcessCall:
         return self.patience <= 0 or self.worker.ready(0.0)
 
     def forgive(self) -> None:
-        """This process was stopped for a while, and so perhaps the other was."""
+        """Count the silence anew: this process was suspended for a while, and perhaps the worker was, too."""
         self._heard = time.monotonic()
 
     def receive(self) -> Frame:
         _ready([self])
         try:
-            # What is there is read, also where it was this process that slept.
+            # A frame that is there is read, even after this process was suspended.
             frame = self.worker.receive(self._silence if self.worker.ready(0.0) else 0.0)
         except (WorkerDied, WorkerTimeout) as error:
             ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
@@ -159,7 +160,7 @@ class ProcessCall:
 
 
 def farewell(transport: Transport[AnyCall], calls: Mapping[AnyCall, float]) -> Iterator[tuple[AnyCall, Frame]]:
-    """Stop the calls, all at once; what each still says, unless that takes longer than its time [s]."""
+    """Stop the calls, all at once; yields the frames that each still sends within its time [s]."""
     began = time.monotonic()
     left = {call: began + seconds for call, seconds in calls.items()}
     for call in left:
