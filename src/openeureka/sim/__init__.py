@@ -18,7 +18,7 @@ DEVICES = "cpu, cuda, cuda:1 (any GPU by its number) or warp-cpu (the GPU simula
 
 
 def check_device(device: str) -> None:
-    """Raises ConfigError unless this machine can simulate there. Starts nothing on a GPU."""
+    """Raises ConfigError unless this machine can simulate on the device. Starts nothing on a GPU."""
     if not re.fullmatch(r"cpu|warp-cpu|cuda(:\d+)?", device):
         raise ConfigError(f"There is no device `{device}`; `device` is {DEVICES}.")
     if device == "cpu":
@@ -40,10 +40,10 @@ def check_device(device: str) -> None:
 
 
 def _warp_gpus() -> int:
-    """GPUs whose driver is new enough for Warp, which leaves out the others. Takes no memory there."""
-    import warp  # pyright: ignore[reportMissingImports]  # an optional package, for seconds
+    """Number of GPUs whose driver is new enough for Warp. Takes no memory on them."""
+    import warp  # pyright: ignore[reportMissingImports]  # an optional package that takes seconds
 
-    warp.config.log_level = warp.LOG_ERROR  # else a greeting, and in several lines what `check_device` says in one
+    warp.config.log_level = warp.LOG_ERROR  # else it greets, and says in several lines what `check_device` says in one
     return warp.get_cuda_device_count()
 
 
@@ -54,8 +54,8 @@ def open_simulator(
 
     Args:
         device: see `check_device`.
-        threads: size of the thread pool, 0 for all cores; for `cpu` alone.
-        room: contacts and constraints of a world, 0 for a guess; for the GPU simulator alone.
+        threads: size of the thread pool, 0 for all cores; only for `cpu`.
+        room: contacts and constraints of a world, 0 for a guess; only for the GPU simulator.
 
     Raises:
         ConfigError: when this machine does not have that device.
@@ -63,7 +63,7 @@ def open_simulator(
     check_device(device)
     if device == "cpu":
         return CpuSimulator(model, num_worlds, threads)
-    from .warp import WarpSimulator  # imports an optional package, for seconds
+    from .warp import WarpSimulator  # imports an optional package, which takes seconds
 
     name = {"warp-cpu": "cpu", "cuda": "cuda:0"}.get(device, device)
     return WarpSimulator(model, num_worlds, name, capacity(model, room))

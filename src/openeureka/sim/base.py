@@ -14,25 +14,25 @@ from torch import Tensor
 INPUT_FIELDS = ("ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 STATE_FIELDS = ("qpos", "qvel", "act")
 MAX_SPEED = 1000.0
-"""[m/s] or [rad/s] of any degree of freedom. Nothing that works is so fast: the integration has failed, and the numbers
-of such a world would outweigh those of all others."""
+"""[m/s] or [rad/s] of any degree of freedom. In a world that is faster the integration has failed, and its numbers
+would outweigh those of all others."""
 
 
 def derives(field: str) -> bool:
-    """Whether `mj_setConst` derives others from a field of MjModel, or from `opt.<field>`."""
+    """Whether `mj_setConst` derives other fields from a field of MjModel, or from `opt.<field>`."""
     return field in mujoco.MjModel._setconst_inputs or field.startswith("opt.")
 
 
 class Worlds(ABC):
-    """N worlds that step side by side, whatever steps them.
+    """N worlds that step side by side, in any kind of simulator.
 
     Attributes:
         num_worlds: N.
         bad: (N,) bool, worlds that broke down in the last `step`; the caller resets them.
-        playing: (N,) bool, worlds whose steps count for something; None for all. The others may stand still.
-        after_replayed_step: called after each step that `load_state_dict` plays again, which may take minutes.
+        playing: (N,) bool, worlds whose steps count; None for all. The others need not be stepped.
+        after_replayed_step: called after each step that `load_state_dict` replays, as that may take minutes.
 
-    Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
+    Methods take worlds as indices (k,) int64, or as a mask (N,) bool, which never makes the host wait for the device.
     """
 
     num_worlds: int
@@ -47,11 +47,11 @@ class Worlds(ABC):
 
     @abstractmethod
     def reset(self, worlds: Tensor) -> None:
-        """Put worlds into their default state with zero inputs. What is derived from it follows at `forward`."""
+        """Put worlds into their default state with zero inputs. Derived fields are updated by `forward`."""
 
     @abstractmethod
     def forward(self, worlds: Tensor) -> None:
-        """Take over written state of worlds and recompute what is derived from it."""
+        """Take over the written state of worlds, and recompute the fields derived from it."""
 
     @abstractmethod
     def memory(self) -> dict[str, Tensor]:
@@ -62,16 +62,16 @@ class Worlds(ABC):
         return {name: value.clone() for name, value in self.memory().items()}
 
     def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
-        """Go on where others of the same kind were."""
+        """Continue from the `state_dict` of other worlds of the same kind."""
         for name, value in self.memory().items():
             value.copy_(saved[name])
 
     @abstractmethod
     def check(self, task: str) -> None:
-        """Ask, between rollouts, whether all contacts and constraints found room.
+        """Check, between rollouts, that there was room for all contacts and constraints.
 
         Raises:
-            TaskError: when some did not; says which setting of the task to raise.
+            TaskError: when there was not; it says which setting of the task to raise.
         """
 
 
@@ -84,7 +84,7 @@ class Simulator(Worlds):
     Attributes:
         model: the compiled model; per-world values live in `expand`.
         bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, faster than `MAX_SPEED`, or a
-            MuJoCo warning): whoever steps them resets them.
+            MuJoCo warning); the caller resets them.
     """
 
     model: mujoco.MjModel
@@ -94,9 +94,9 @@ class Simulator(Worlds):
         """A live (N, ...) tensor of an MjData field.
 
         Inputs (`ctrl`, `xfrc_applied`, ...) are read at the next `step`; state (`qpos`, `qvel`) is read at the next
-        `forward`, for the worlds named there; in others it must not be written. Every bound field is current after
+        `forward`, for the worlds passed to it; in others it must not be written. Every bound field is current after
         `step` and `forward`, except that forces and acceleration sensors after `step` are those of its last substep.
-        After `reset` the state is, and the rest once `forward` is called.
+        After `reset` only the state is current, and the rest after the next `forward`.
         """
 
     @abstractmethod
@@ -109,7 +109,7 @@ class Simulator(Worlds):
 
     @abstractmethod
     def writable(self) -> list[Tensor]:
-        """The bound fields that may be written and the expanded ones, live."""
+        """Live tensors of the bound fields that may be written, and of the expanded fields."""
 
 
 _CONTACTS_PER_GEOM = 4
@@ -117,7 +117,7 @@ _SPARE_CONTACTS = 16
 
 
 class Capacity(NamedTuple):
-    """Room of one world. Zeros stand for a guess."""
+    """Room for the contacts and constraints of one world; 0 means a guess."""
 
     contacts: int = 0
     """On average: worlds share this room."""
@@ -129,11 +129,11 @@ GUESS = Capacity()
 
 
 def capacity(model: mujoco.MjModel, wanted: Capacity) -> Capacity:
-    """`wanted`, its zeros filled in generously from the model.
+    """`wanted`, with generous guesses from the model in place of zeros.
 
-    There is room for four contacts for each geom of a moving body that may touch something: a box lies on four points.
-    A contact with friction is up to 2 * (condim - 1) rows, a limit or dry friction of a joint one, an equality six. The
-    larger condim of two geoms counts, which may be the floor's, or that of a pair.
+    A guess has four contacts for each geom of a moving body that may collide: a box lies on four points. A contact with
+    friction takes up to 2 * (condim - 1) rows, a limit or dry friction of a joint one, an equality six. The condim is
+    the largest of any geom or pair: of two geoms the larger one counts, which may be the floor's.
     """
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     touching = solid & (model.body_weldid[model.geom_bodyid] != 0)

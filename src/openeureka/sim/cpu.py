@@ -33,7 +33,7 @@ class CpuSimulator(Simulator):
         self.num_worlds = num_worlds
         self.device = torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
-        # One MjData a world: making derived fields current is then the first half of the next step, for free.
+        # One MjData per world: updating derived fields is then the first half of the next step, and costs nothing.
         self._batch = Batch(model, num_worlds, nthread=threads or usable_cores(), persistent=True)
         self.model = self._batch.get_model(0)
         self._mirrors: dict[str, tuple[np.ndarray, Tensor]] = {}
@@ -89,7 +89,7 @@ class CpuSimulator(Simulator):
         self._pull(ids)
 
     def check(self, task: str) -> None:
-        """MuJoCo makes room as it goes."""
+        """Nothing to check: MuJoCo makes room as needed."""
 
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model = self._batch.get_model(world)

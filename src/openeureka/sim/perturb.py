@@ -12,16 +12,16 @@ from torch import Tensor
 from .base import Simulator
 
 Masks = dict[str, np.ndarray]
-"""Fields of MjModel, and which of their entries a factor scales."""
+"""By field of MjModel, a mask of the entries that a factor scales."""
 FACTORS = (
     *("mass", "inertia", "friction", "strength", "stiffness", "drive_damping"),
     *("joint_damping", "armature", "gravity"),
 )
-"""What can differ between the models of worlds; meanings are those of `types.Dynamics`."""
+"""Factors by which the models of worlds can differ; `types.Dynamics` says what they mean."""
 
 
 def scaled(model: mujoco.MjModel, factor: str) -> Masks:
-    """The entries that a factor scales; none of them is other than 0 where it would change nothing."""
+    """The entries that a factor scales; all masks are False where it would change nothing."""
     whole = {
         "mass": ("body_mass", "body_inertia"),
         "inertia": ("body_inertia",),
@@ -35,8 +35,8 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
         touches = (model.geom_contype | model.geom_conaffinity) != 0
         found = {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
         return found | ({"pair_friction": np.ones_like(model.pair_friction, dtype=bool)} if model.npair else {})
-    # A drive's force is gain * control + bias, bias 0 for a motor; of a position drive gain and -bias[1] are kp and
-    # -bias[2] is kv, of a velocity drive gain and -bias[2] are kv. A muscle's numbers are others.
+    # A drive's force is gain * control + bias. A motor's bias is 0. For a position drive, gain and -bias[1] are kp and
+    # -bias[2] is kv; for a velocity drive, gain and -bias[2] are kv. A muscle's parameters mean other things.
     gain, bias = (np.zeros_like(field, dtype=bool) for field in (model.actuator_gainprm, model.actuator_biasprm))
     fixed = model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_FIXED)
     affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -62,7 +62,7 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
 
 
 def peak(model: mujoco.MjModel, muscle: int) -> int:
-    """Which of a muscle's parameters its force is in proportion to: `force`, or `scale` where that says nothing."""
+    """Which of a muscle's parameters its force is proportional to: `force`, or `scale` where `force` is not given."""
     return 2 if model.actuator_gainprm[muscle, 2] >= 0.0 else 3
 
 
@@ -72,10 +72,10 @@ def acts(model: mujoco.MjModel, factor: str) -> bool:
 
 
 class Perturbed:
-    """Keeps a simulator's model scaled. Fields that no factor names stay shared by all worlds.
+    """Scales the models of a simulator's worlds. Fields that no factor scales stay shared by all worlds.
 
     Args:
-        factors: those that will be written.
+        factors: those that `write` will set.
     """
 
     def __init__(self, sim: Simulator, factors: Collection[str]) -> None:

@@ -1,6 +1,6 @@
-"""The GPU simulator: `mujoco_warp`, MuJoCo in single precision with one thread block a world.
+"""The GPU simulator: `mujoco_warp`, MuJoCo in single precision with one thread block per world.
 
-It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: so the two can be compared where there is no GPU.
+It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`, so that the two can be compared without a GPU.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator, derives
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
-LIMITS = {"qpos": 1e10, "qvel": MAX_SPEED, "ctrl": 1e10}  # an actuator's limits may swallow an input that is no number
+LIMITS = {"qpos": 1e10, "qvel": MAX_SPEED, "ctrl": 1e10}  # clamping to an actuator's range may hide a NaN in ctrl
 """Magnitudes above which a world is bad; MuJoCo's own limit is 1e10."""
 _STATE = ("time", "qpos", "qvel", "act")
 _MEMORY = (*_STATE, "act_dot", "qacc", "qacc_warmstart", "userdata", "sensordata", *INPUT_FIELDS)
-"""What `reset` writes: all that a step reads from the step before."""
+"""Fields that `reset` writes: all that a step reads from the step before."""
 # What mj_setConst derives from the fields that a task may vary between worlds.
 _DERIVED = (
     "body_subtreemass",
@@ -44,8 +44,8 @@ _OVERFLOWS = {
 class WarpSimulator(Simulator):
     """MuJoCo Warp; bound fields are the simulator's own memory.
 
-    A control step is a single launch of a CUDA graph. Nothing here waits for the device but `bind` and `expand`, which
-    a task calls once, `check` and `snapshot`.
+    A control step is a single launch of a CUDA graph. Nothing waits for the device except for `bind` and `expand`,
+    which a task calls once, `check` and `snapshot`.
 
     Args:
         model: compiled model.
@@ -63,7 +63,7 @@ class WarpSimulator(Simulator):
         with wp.ScopedDevice(self._device):
             self._model = mjw.put_model(model)
             self._data = mjw.make_data(model, nworld=num_worlds, nconmax=capacity.contacts, njmax=capacity.constraints)
-            # Boxes then meet by code of their own, as in MuJoCo; the general one finds fewer contacts of an edge.
+            # Boxes then collide by code of their own, as in MuJoCo; native CCD finds fewer contacts of an edge.
             self._model.opt.disableflags |= mjw.DisableBit.NATIVECCD
             self._model.opt.warn_overflow = 0  # `check` says it once, instead of every world on every step
             late = np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC, model.sensor_dim)
@@ -104,7 +104,7 @@ class WarpSimulator(Simulator):
         self._push()
         self._launch(substeps)
         self._note_bad()
-        # As MuJoCo does, so that a broken world's numbers spoil no sum; derived fields follow with the caller's reset.
+        # As in MuJoCo, so that a bad world's numbers spoil no sum; derived fields follow when the caller resets it.
         for name in (*_STATE, "qacc_warmstart", "sensordata"):
             _put(self._defaults[name][0], self.bad, self._defaults[name][1])
         for name, tensor in self._bound.items():
@@ -121,7 +121,7 @@ class WarpSimulator(Simulator):
                 self._bound[name].copy_(tensor)
 
     def forward(self, worlds: Tensor) -> None:
-        # Kernels run on every world: what the other worlds' last substep left is put back.
+        # Kernels run on every world, so what the last substep left in the other worlds is put back.
         others = ~self._mask(worlds)
         kept = {name: tensor.clone() for name, tensor in self._bound.items() if name not in _STATE}
         self._push()
@@ -159,7 +159,7 @@ class WarpSimulator(Simulator):
     def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
         super().load_state_dict(saved)
         with wp.ScopedDevice(self._device):
-            self._refresh()  # a step begins with what the step before derived from its end
+            self._refresh()  # a step begins with the fields that the step before derived at its end
 
     def _tensor(self, field: str) -> Tensor:
         """An MjData field (N, ...) of the simulator's own memory, in MuJoCo's own shape."""
@@ -176,7 +176,7 @@ class WarpSimulator(Simulator):
         return torch.zeros_like(self.bad).index_fill(0, worlds, True)
 
     def _push(self) -> None:
-        """Take over what the task wrote outside of the simulator's own memory or into the model."""
+        """Take over what the task wrote into the model, or into copies (`_flags`) of the simulator's memory."""
         for name, flags in self._flags.items():
             flags.copy_(self._bound[name] != 0)
         # torch counts writes on the host: looking at the counter does not wait for the device.
@@ -189,7 +189,7 @@ class WarpSimulator(Simulator):
             self._expanded |= {name: (values, values._version) for name, values in changed.items()}
 
     def _launch(self, substeps: int) -> None:
-        """Run on the CPU; replay on a GPU. Warp's streams and torch's default stream wait for each other."""
+        """Run the kernels, or replay them on a GPU. Warp's streams and torch's default stream wait for each other."""
         if not self._device.is_cuda:
             self._run(substeps)
             return
@@ -201,8 +201,8 @@ class WarpSimulator(Simulator):
         wp.capture_launch(self._graphs[substeps])
 
     def _run(self, substeps: int) -> None:
-        """Kernels of `step`, which starts from current positions and velocities and leaves them so; those of `forward`
-        where `substeps` is 0."""
+        """Run the kernels of `step`, or those of `forward` where `substeps` is 0. Before and after a step, the fields
+        derived from positions and velocities are current."""
         model, data = self._model, self._data
         with wp.ScopedDevice(self._device):
             if not substeps:
@@ -219,16 +219,16 @@ class WarpSimulator(Simulator):
                 wp.launch(_keep, dim=data.sensordata.shape, inputs=[self._late, self._kept], outputs=[data.sensordata])
 
     def _refresh(self) -> None:
-        """Everything that follows from positions and velocities alone."""
+        """Recompute everything that follows from positions and velocities alone."""
         if self._moving_anchors:
-            # The acceleration of an anchor, needed with the positions, comes from velocities that follow only later in
-            # step1 (mujoco_warp 4.0): without this the feet of BallBalance are held by those of the step before.
+            # step1 needs an anchor's acceleration before it computes the velocities for it (mujoco_warp 4.0). Without
+            # this, the constraints on the feet of BallBalance would use velocities of the step before.
             mjw.fwd_kinematics(self._model, self._data)
             mjw.com_vel(self._model, self._data)
         mjw.step1(self._model, self._data)
 
     def _widen(self, field: str) -> None:
-        """Give an array that all worlds share a row for each."""
+        """Give each world its own row of an array that all worlds share."""
         shared = attrgetter(field)(self._model)
         if shared.shape[0] == self.num_worlds:
             return
@@ -247,7 +247,7 @@ class WarpSimulator(Simulator):
 
 
 def check_room(overflow: np.ndarray, capacity: Capacity, task: str) -> None:
-    """Whether all contacts and constraints found room, by `Data.overflow` (N,); see `Worlds.check`."""
+    """Raises CapacityError unless there was room, by `Data.overflow` (N,); see `Worlds.check`."""
     lacking = int(np.bitwise_or.reduce(overflow))
     for setting, flags in _OVERFLOWS.items():
         if lacking & flags:
@@ -267,5 +267,5 @@ def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array
 
 
 def _put(tensor: Tensor, chosen: Tensor, values: Tensor) -> None:
-    """Write rows (N, ...) where `chosen` (N,), without asking the device how many there are."""
+    """Write the rows (N, ...) that `chosen` (N,) picks, without asking the device how many there are."""
     tensor.copy_(torch.where(chosen.view(-1, *[1] * (tensor.dim() - 1)), values, tensor))
