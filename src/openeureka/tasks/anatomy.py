@@ -34,7 +34,7 @@ def driven_joints(model: mujoco.MjModel) -> list[int]:
 
 
 def _of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
-    """Joints that it is a sum of, or that it spans: those between the bodies that it is fastened to."""
+    """Joints that a tendon is a sum of, or that it spans: those between the bodies that it is fastened to."""
     wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     kinds, objects = model.wrap_type[wraps], model.wrap_objid[wraps]
     joints = objects[kinds == int(mujoco.mjtWrap.mjWRAP_JOINT)].tolist()
@@ -46,7 +46,7 @@ def _of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
 
 
 def _line(model: mujoco.MjModel, body: int) -> list[int]:
-    """A body and those that it hangs on."""
+    """A body and its ancestors, without the world."""
     line = []
     while body:
         line.append(body)
@@ -61,21 +61,21 @@ def driven_trees(model: mujoco.MjModel) -> set[int]:
 
 
 def _pushed(model: mujoco.MjModel) -> set[int]:
-    """Bodies that an actuator pushes at a site: by propellers, say."""
+    """Bodies that an actuator pushes at a site, such as with a propeller."""
     sites = model.actuator_trnid[model.actuator_trntype == _SITE, 0]
     return set(model.site_bodyid[sites].tolist())
 
 
 def base(model: mujoco.MjModel) -> int | None:
-    """The body by which a robot moves through the world: by joints that nothing drives, one of them free or along x.
-    None for a robot that stands fixed."""
+    """The body that carries a robot through the world, on joints that nothing drives, one of them free or along x. None
+    for a robot that is fixed to the world."""
     driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)}
     carriers = sorted({int(model.body_rootid[body]) for body in driven | _pushed(model)} - driven)
     return next((body for body in carriers if along_x(model, body) is not None), None)
 
 
 def floating_joint(model: mujoco.MjModel) -> int:
-    """The free joint of a robot, whose body carries what actuators move; -1 for none. What a hand holds is no robot."""
+    """The free joint whose body carries what actuators move; -1 for none, as for an object that a hand holds."""
     driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | _pushed(model)
     roots = {int(model.body_rootid[body]) for body in driven}
     free = (joint for joint in range(model.njnt) if model.jnt_type[joint] == FREE)
@@ -87,14 +87,14 @@ def own_joints(model: mujoco.MjModel, body: int) -> range:
 
 
 def axis(model: mujoco.MjModel, joint: int) -> np.ndarray:
-    """Of a joint, in the world frame (3,), as the model's own pose has it."""
+    """Axis of a joint (3,) in the world frame, in the model's own pose."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return data.xaxis[joint].copy()
 
 
 def along_x(model: mujoco.MjModel, body: int) -> int | None:
-    """The degree of freedom that carries a body along x."""
+    """The degree of freedom that moves a body along x; None for none."""
     for joint in own_joints(model, body):
         along = model.jnt_type[joint] == SLIDE and abs(axis(model, joint)[0]) > 0.9
         if model.jnt_type[joint] == FREE or along:
@@ -103,7 +103,7 @@ def along_x(model: mujoco.MjModel, body: int) -> int | None:
 
 
 def upwards(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
-    """The number of `qpos` by which a body's own joints let it up and down, and what of it goes up; None for none."""
+    """Index in `qpos` of the joint that moves a body up and down, and how far up a unit of it goes; None for none."""
     for joint in own_joints(model, body):
         place = int(model.jnt_qposadr[joint])
         if model.jnt_type[joint] == FREE:
@@ -114,13 +114,13 @@ def upwards(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
 
 
 def tied(model: mujoco.MjModel) -> set[int]:
-    """Joints that an equality of the model holds together."""
+    """Joints that an equality constraint of the model couples."""
     named = {int(joint) for equality in _equalities(model, "JOINT") for joint in _objects(model, equality)}
     return looped(model) | (named - {-1})
 
 
 def looped(model: mujoco.MjModel) -> set[int]:
-    """Joints that an equality holds together by more than a formula: those on the way from one body to the other, or of
+    """Joints that an equality couples by more than a formula: those between two bodies that it ties, and those of
     tendons."""
     found: set[int] = set()
     for equality in _equalities(model, "TENDON"):
@@ -134,7 +134,7 @@ def looped(model: mujoco.MjModel) -> set[int]:
 
 
 def follow(model: mujoco.MjModel, pose: np.ndarray) -> None:
-    """Write into `qpos` (nq,) where the formulas of equalities hold joints to others."""
+    """Write into a `qpos` (nq,) where the formulas of equalities hold joints to others."""
     for equality in _equalities(model, "JOINT"):
         one, other = _objects(model, equality)
         place = model.jnt_qposadr[one]
@@ -145,7 +145,7 @@ def follow(model: mujoco.MjModel, pose: np.ndarray) -> None:
 
 
 def _equalities(model: mujoco.MjModel, *kinds: str) -> list[int]:
-    """Those that hold at the start."""
+    """Equalities of these kinds that are active at the start."""
     wanted = [int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in kinds]
     return np.flatnonzero(np.isin(model.eq_type, wanted) & (model.eq_active0 != 0)).tolist()
 
@@ -160,7 +160,7 @@ def carrying(model: mujoco.MjModel, body: int) -> set[int]:
 
 
 def named(model: mujoco.MjModel, kind: str, index: int) -> str:
-    """What the model calls a `BODY`, `JOINT`, ..., fit for a Python string; its number where it has no name."""
+    """What the model calls a `BODY`, `JOINT`, ..., fit for a Python string; kind and number where it has no name."""
     name = name_of(model, kind, index)
     return re.sub(r"[\"\\\s{}]", "_", name) if name else f"{kind.lower()}{index}"
 
@@ -170,13 +170,13 @@ def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name that rewards may use: in ASCII, so without its accents, and without two underscores before it."""
+    """A name that rewards may use: in ASCII, without accents, and never with two leading underscores."""
     ascii = "".join(char for char in unicodedata.normalize("NFKD", name) if not unicodedata.combining(char))
     found = re.sub(r"\W", "_", ascii, flags=re.ASCII).lstrip("_") or "part"
     return f"_{found}" if found[0].isdigit() else found
 
 
 def columns(indices: Sequence[int]) -> str:
-    """Python that picks columns: a slice where they follow each other, else a list."""
+    """Python code that picks columns: a slice where they are consecutive, else a list."""
     first, last = indices[0], indices[-1]
     return f"{first}:{last + 1}" if list(indices) == list(range(first, last + 1)) else f"{list(indices)}"

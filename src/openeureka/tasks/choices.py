@@ -10,7 +10,7 @@ from torch.nn.functional import one_hot
 
 
 def indices(preferences: Tensor, choices: Sequence[int]) -> Tensor:
-    """The most preferred option of each choice (..., C), int64; of equals the first.
+    """The most preferred option of each choice (..., C), int64; the first of equally preferred ones.
 
     Args:
         preferences: (..., sum(choices)).

@@ -21,14 +21,14 @@ from .source import prune
 from .task import Task
 
 AIMLESS = "what it is made for"
-"""What a description ends with where nobody says what the task is for."""
+"""What a description ends with where nothing says what the task is for."""
 _NEAREST = 2
-"""Distances that are told of each point."""
+"""Nearest points whose distance is told, for each point."""
 _MAX_POINTS = 10
 _MAX_COLUMNS = 3
-"""Of vectors whose ranges are told column by column."""
+"""Most columns of vectors whose ranges are told column by column."""
 _SAME, _PART = 1e-4, 0.2
-"""[m] between points that are one, and between those of one hand, which are told as its palm."""
+"""[m] Points that stay closer than the first are one; those of a hand, within the second, are told as its palm."""
 _log = logging.getLogger(__name__)
 
 
@@ -57,11 +57,11 @@ def context(env: str) -> TaskContext:
 
 
 def informed(known: TaskContext, recorded: Recorded, config: RunConfig) -> TaskContext:
-    """With the facts of a search: how long episodes and trainings are, what ends them and where they start, and what
-    is drawn. What safety asks for becomes part of the description, which every prompt has.
+    """The context with the facts of a search: how long episodes and trainings are, what ends them and where they start,
+    and what is drawn. What safety asks for becomes part of the description, which every prompt has.
 
     Args:
-        recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
+        recorded: as `record.record_states` gives them, start states first; nothing is told of missing variables.
     """
     task = get(config.env)
     states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
@@ -141,7 +141,7 @@ def _scalars(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
 
 
 def _points(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
-    """A line for each point: where it is, and how far the nearest others are that no line before has named."""
+    """A line for each point: where it is, and how far the nearest others are, unless an earlier line has told that."""
     told = [v.name for v in spec.variables if v.kind == "world" and v.use == "point"]
     names = _distinct({name: states[name] for name in told if name in states})
     points = {name: states[name][:STARTS] for name in names}
@@ -159,7 +159,7 @@ def _points(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
 
 
 def _distinct(points: Mapping[str, Tensor]) -> list[str]:
-    """Names of points: of those that are always one the first, and of a hand's many the hand alone."""
+    """Names of points: the first of those that always coincide, and the hand alone in place of its many parts."""
 
     def apart(one: str, other: str) -> float:
         return float((points[one] - points[other]).norm(dim=-1).max())
@@ -183,7 +183,7 @@ def _range(values: Tensor) -> str:
 
 
 def _number(value: float) -> str:
-    """Two decimals, but two significant digits for what those would round away; what is smaller than 0.001 is 0."""
+    """With two decimals; below 0.1 with two significant digits, and below 0.001 as 0."""
     if abs(value) < 1e-3:
         return "0"
     return f"{value:.2g}" if abs(value) < 0.1 else f"{value:.2f}".rstrip("0").rstrip(".")

@@ -17,7 +17,7 @@ from .registry import get
 from .task import Task
 
 NEAR_END = 0.01
-"""Share of its range within which a joint is at an end of it."""
+"""Share of a joint's range within which it counts as at an end."""
 _TORQUES = ("torque", "torque_peak", "torque_rate", "speed", "power")
 
 
@@ -33,7 +33,7 @@ class Meter:
     def __init__(self, env: BatchedEnv) -> None:
         self._env, self._each = env, dict[str, Callable[[], Tensor]]()
         self.names = () if env.task.draws_itself else measured(type(env.task), env.sim.model)
-        """Costs that there are, in the order of `COSTS`."""
+        """Costs that the task has, in the order of `COSTS`."""
         if not self.names:
             return
         model, device = env.sim.model, env.sim.device
@@ -61,7 +61,7 @@ class Meter:
             )
         if "contact_force" in self.names:
             base = int(model.jnt_dofadr[floating_joint(model)])
-            pressed = env.sim.bind("qfrc_constraint")  # of a free joint: all contacts of what hangs on it
+            pressed = env.sim.bind("qfrc_constraint")  # for a free joint: all contacts of the bodies on it
             self._each["contact_force"] = lambda: pressed[:, base : base + 3].norm(dim=1)
         zeros = torch.zeros(len(self._each), env.num_worlds, dtype=torch.float64, device=device)
         self._now, self._sum, self._most = zeros, zeros.clone(), zeros.clone()
@@ -69,7 +69,7 @@ class Meter:
         env.watch = self._look
 
     def add(self, step: Step, running: Tensor) -> None:
-        """Count what was just simulated of the worlds (N,) bool that still play."""
+        """Count the step just simulated, for the worlds (N,) bool that are still `running`."""
         if not self.names:
             return
         now = torch.where(running & ~step.bad, self._now, 0.0)
@@ -93,19 +93,19 @@ class Meter:
         return [{name: found[name][lane] for name in self.names} for lane in range(lanes)]
 
     def _look(self) -> None:
-        """Before anything is reset."""
-        if self._each:  # a body that drives nothing and touches nothing can only fall
+        """Measure a step before any world is reset."""
+        if self._each:  # a robot without drives and contacts has no cost but falls
             self._now = torch.stack([measure() for measure in self._each.values()]).nan_to_num(0.0, 0.0, 0.0).double()
 
     def _change(self, torque: Tensor) -> Tensor:
-        """(N,) since the last step; nothing in the first."""
+        """Largest change of a torque (N,) since the last step; 0 in the first step of an episode."""
         before, self._torque = self._torque, torque.clone()
         first = self._steps == 0
         return (torque - before).abs().amax(1).masked_fill(first, 0.0)
 
 
 def measured(task: type[Task], model: mujoco.MjModel) -> tuple[str, ...]:
-    """Which of `COSTS` a task has, with this model: an early end is a fall where only failures end an episode early."""
+    """Which of `COSTS` a task has, with this model; `falls` only where nothing but failures ends an episode early."""
     joints, found = _driven(model), set[str]()
     if joints:
         found |= set(_TORQUES)
@@ -113,14 +113,14 @@ def measured(task: type[Task], model: mujoco.MjModel) -> tuple[str, ...]:
     if floating_joint(model) >= 0:
         found |= {"falls"} if task.counts_early else set()
         touches = (model.geom_contype | model.geom_conaffinity) != 0
-        # What holds a closed chain together would count as contact.
+        # The forces that hold a closed chain together would count as contact.
         held = np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any()
         found |= {"contact_force"} if touches.any() and not held else set()
     return tuple(name for name in COSTS if name in found)
 
 
 def check(env: str, limits: Limits) -> None:
-    """Raises ConfigError for a limit to what a task does not have; says what it has."""
+    """Raises ConfigError for a limit on a cost that the task does not have; it names those that it has."""
     if not limits:
         return
     task = get(env)

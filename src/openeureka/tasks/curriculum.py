@@ -19,7 +19,7 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
     """The stages of one of the task's own curricula or of a YAML file, with their tasks' names and steps filled in.
 
     Raises:
-        ConfigError: when there is none, or a policy and a reward could not go through all of its stages.
+        ConfigError: when there is no such curriculum, or a policy and a reward could not go through all of its stages.
     """
     task = get(env)
     if curriculum.endswith((".yaml", ".yml")):
@@ -37,7 +37,7 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
 
 
 def _read(path: Path) -> tuple[Stage, ...]:
-    """A list of mappings with the fields of a Stage; files of tasks are found from where the list is."""
+    """A list of mappings with the fields of a Stage; paths of task files are relative to the list's folder."""
     found = read_yaml(path, "curriculum")
     if not (isinstance(found, list) and found and all(isinstance(stage, dict) for stage in found)):
         raise ConfigError(f"The curriculum {path} is no list of stages, such as `- {{steps: 100000}}`.")
@@ -77,13 +77,13 @@ def _checked(stage: Stage, env: str, where: str) -> Stage:
     if what := _difference(task, get(env)):
         raise ConfigError(f"In {where}: `{task.env}` has other {what} than `{get(env).env}`; no policy fits both.")
     for number in (variable.name for variable in task.spec.variables if variable.kind in ("float", "int")):
-        if getattr(task, number, None) != getattr(get(env), number, None):  # a reward holds that of the last stage
+        if getattr(task, number, None) != getattr(get(env), number, None):  # a reward holds the last stage's value
             raise ConfigError(f"In {where}: rewards read `{number}`, so it must be the same in all stages.")
     return Stage(env=name, steps=stage.steps or task.recipe.env_steps)
 
 
 def _difference(one: type[Task], other: type[Task]) -> str:
-    """What keeps a policy and its reward from going from one task to the other; nothing when they can."""
+    """What keeps a policy and its reward from going from one task to the other; empty when nothing does."""
     if one.num_observations != other.num_observations:
         return "observations"
     if one.num_actions != other.num_actions:

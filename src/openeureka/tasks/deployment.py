@@ -27,9 +27,9 @@ Source = Literal[
     "joint_velocities",
     "last_action",
 ]
-"""Velocities [m/s], [rad/s] and `gravity`, a unit vector that points down, are in the base's frame; `gravity_forward`
-is (0, 0, -1) turned by the base's orientation where `gravity` is turned back, as Isaac Gym's ANYmal has it. Joint
-offsets [rad] are from the default pose."""
+"""Velocities [m/s], [rad/s] and `gravity`, a unit vector that points down, are in the base's frame: `gravity` is
+(0, 0, -1) rotated by the inverse of the base's orientation. `gravity_forward` is rotated by the orientation itself, as
+in Isaac Gym's ANYmal. Joint offsets [rad] are from the default pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Term:
 
     source: Source
     scale: tuple[float | str, ...]
-    """Factors, one a number of it; a single one stands for all. A name is that of an attribute of the task."""
+    """A factor for each number of the term, or a single one for all. A string names an attribute of the task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +55,12 @@ class Deployment:
     action_scale: float
     """[rad] at full action."""
     commands: tuple[tuple[str, float, float], ...] = ()
-    """Name, lowest and highest that a policy was trained with."""
+    """Name, lowest and highest value that a policy was trained with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interface:
-    """A `Deployment` with what the model adds; all a runtime asks for. One number a joint, in the order of actions."""
+    """A `Deployment` with what the model adds: all that a runtime needs. Joints are in the order of actions."""
 
     env: str
     control_rate: float
@@ -78,7 +78,7 @@ class Interface:
     joint_damping: tuple[float, ...]
     """[N m s/rad] of the drive."""
     passive_damping: tuple[float, ...]
-    """[N m s/rad] of the joint itself, beside that of its drive."""
+    """[N m s/rad] of the joint itself, in addition to that of its drive."""
     passive_stiffness: tuple[float, ...]
     """[N m/rad] of the joint's own spring."""
     passive_rest: tuple[float, ...]
@@ -94,10 +94,10 @@ class Interface:
     observation_names: tuple[str, ...]
     observation_sizes: tuple[int, ...]
     observation_scales: tuple[float, ...]
-    """One a number of the observation."""
+    """One per number of the observation."""
     observation_clip: float
     observation_unseen: tuple[int, ...]
-    """Columns of the task's own observation that the policy does without; the terms above are without them."""
+    """Columns of the task's own observation that the policy does not see; the terms above leave them out."""
     observation_history: int
     command_names: tuple[str, ...]
     command_low: tuple[float, ...]
@@ -105,8 +105,8 @@ class Interface:
 
 
 def described(task: type[Task], unseen: Collection[int] = ()) -> dict[str, Any]:
-    """What other programs are told of a task: its `Interface` as numbers, text and lists of them by name, or as much of
-    it as is known of any task.
+    """What other programs are told of a task: its `Interface` as numbers, text and lists of them by name, or, without a
+    deployment, as much of it as is known of any task.
 
     Raises:
         TaskError: as `interface` does.
@@ -118,13 +118,13 @@ def described(task: type[Task], unseen: Collection[int] = ()) -> dict[str, Any]:
 
 
 def as_text(about: Mapping[str, Any]) -> dict[str, str]:
-    """The same as the metadata of a file hold it: lists with commas."""
+    """The same in the form that the metadata of a file have: lists as text with commas."""
     found = {name: value if isinstance(value, list | tuple) else [value] for name, value in about.items()}
     return {name: ",".join(str(value) for value in values) for name, values in found.items()}
 
 
 def changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """The first that two texts say otherwise, or nothing. What a version did not write yet, or a name, is no change."""
+    """The first entry that differs between two texts, or nothing. A missing entry or another `env` is no difference."""
     both = (name for name in before if name in now and name != "env")
     return next((name for name in both if not _same(before[name], now[name])), "")
 
@@ -137,14 +137,14 @@ def _same(before: str, now: str) -> bool:
 
 
 def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] = ()) -> Interface:
-    """What a policy's file says beside its network, of a task that says a `deployment`.
+    """What a policy's file says besides its network, for a task with a `deployment`.
 
     Args:
         model: the task's own.
-        unseen: columns of the task's observation that the policy does not look at; terms made of them are left out.
+        unseen: columns of the task's observation that the policy does not see; terms made of them are left out.
 
     Raises:
-        TaskError: where model or observation are not such as the deployment says.
+        TaskError: where the model or the observation is not as the deployment says.
     """
     env, wanted = task.env, task.deployment
     assert wanted is not None
@@ -200,7 +200,7 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
 
 
 def _expect_drives(env: str, model: mujoco.MjModel) -> None:
-    """Raises TaskError for a robot that does not float, or a drive of which the formula of deploy.yaml is false."""
+    """Raises TaskError for a robot without a floating base, or a drive that the formula of deploy.yaml does not fit."""
     if floating_joint(model) < 0:
         raise TaskError(f"`{env}` has no floating base, which a `deployment` is for; leave its `deployment` out.")
     of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -225,7 +225,7 @@ def _expect_drives(env: str, model: mujoco.MjModel) -> None:
 
 
 def _beyond_formula(model: mujoco.MjModel, drive: int, joint: int) -> str:
-    """What of a drive or its joint is in no `Interface`, or nothing."""
+    """A property of a drive or its joint that no `Interface` can hold, or nothing."""
     dof = int(model.jnt_dofadr[joint])
     forces, turns = model.actuator_forcerange[drive], model.jnt_actfrcrange[joint]
     found = {
@@ -247,8 +247,8 @@ def _beyond_formula(model: mujoco.MjModel, drive: int, joint: int) -> str:
 
 
 def _terms(task: type[Task], wanted: Deployment, joints: int) -> list[tuple[Source, tuple[float, ...], range]]:
-    """Name, a factor for each number, and columns of each term, with numbers for the names of attributes:
-    `NAME+lin_vel_scale=1` has another. Raises TaskError where the terms are not the observation."""
+    """Name, a factor for each number, and columns of each term. A factor that names an attribute has its value, which
+    `NAME+lin_vel_scale=1` changes. Raises TaskError where the terms are not the observation."""
     env, observations = task.env, task.num_observations
     sizes = {"commands": len(wanted.commands)}
     sizes |= dict.fromkeys(("joint_offsets", "joint_velocities", "last_action"), joints)
@@ -274,7 +274,7 @@ def _terms(task: type[Task], wanted: Deployment, joints: int) -> list[tuple[Sour
 
 
 def _torque_limit(model: mujoco.MjModel, drive: int, joint: int) -> float:
-    """[N m] MuJoCo's ranges without a limit read 0 to 0."""
+    """[N m], infinite without a limit, where MuJoCo's ranges read 0 to 0."""
     limits = [
         float(found[index, 1])
         for found, limited, index in (

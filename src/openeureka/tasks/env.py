@@ -44,8 +44,8 @@ class Step(NamedTuple):
 class BatchedEnv:
     """N = L * n worlds of one task, with automatic reset.
 
-    Unlike the original, which simulates one phantom step per episode, the observation after a reset is returned with
-    the step that ended the episode, and the terminal one beside it.
+    Unlike the original, which simulates one phantom step per episode, the step that ends an episode returns both the
+    terminal observation and the one after the reset.
 
     Args:
         task: the task's class.
@@ -57,7 +57,7 @@ class BatchedEnv:
     Attributes:
         scored: compute the score of each step; else it is zero, so that a task can be watched before its F is written.
         watch: called when a step is simulated, before anything is reset.
-        masked: reset by mask, which never waits for a GPU to say which worlds are done; by index where that is cheaper.
+        masked: reset by mask, which never waits for a GPU to say which worlds are done. A CPU resets by index.
     """
 
     def __init__(
@@ -84,8 +84,8 @@ class BatchedEnv:
     def reset(self, *, stagger: bool = False) -> Tensor:
         """Start an episode in every world; returns the first observation (N, O).
 
-        Raises TaskError when a state variable is a view of the simulator's or the task's memory, or a reset writes what
-        the task does not say that it remembers, or replaces what the simulator reads.
+        Raises TaskError when a state variable is a view of the simulator's or the task's memory, or a reset writes an
+        attribute that `memory` does not list, or replaces a tensor that the simulator reads.
 
         Args:
             stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
@@ -107,8 +107,8 @@ class BatchedEnv:
         return self._observe(state)
 
     def _refuse_views(self, state: State) -> None:
-        """Raises TaskError where a state variable is the memory of the simulator or of the task: what was recorded
-        would change, and the last step of an episode be paid by what the reset wrote."""
+        """Raises TaskError where a state variable is the memory of the simulator or of the task: recorded states would
+        change, and the last step of an episode would be paid for the state after the reset."""
         task = self.task
         remembered = {name: getattr(task, name) for name in (*task.memory, "progress")}
         owners = {value.untyped_storage().data_ptr(): f"`self.{name}`" for name, value in remembered.items()}
@@ -123,7 +123,7 @@ class BatchedEnv:
             )
 
     def state_dict(self, worlds: slice = slice(None)) -> dict[str, Any]:
-        """All that the next step of these worlds depends on, copied; every tensor has their axis first."""
+        """All that the next step of these worlds depends on, copied; every tensor has the axis of worlds first."""
         task = {name: getattr(self.task, name) for name in self.task.lasting()}
         return {
             "whole": self._whole[worlds].clone(),
@@ -133,7 +133,7 @@ class BatchedEnv:
         }
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Go on, when new, where environments of the same task were, with as many worlds together."""
+        """Continue, in a new environment, from states of the same task, with as many worlds in all."""
         self._whole = saved["whole"]
         self.task.noise.draws.copy_(saved["draws"])
         for name in self.task.lasting():
@@ -172,12 +172,12 @@ class BatchedEnv:
         self.task.advance()
 
     def _score(self, state: State, ended: Tensor, bad: Tensor) -> Score:
-        """F of this step; worlds whose physics broke down have no weight in it, and all have F 0 in a mere preview."""
+        """F of this step; worlds whose physics broke down have no weight in it. Without `scored`, F is 0."""
         if not self.scored:
             return mean_over_steps(torch.zeros(len(bad), device=bad.device))
         value, weight = faults.scored(self.task, self.task.fitness(state, ended))
         weight = torch.where(bad | ~self._whole if self.task.scores_episodes else bad, 0.0, weight)
-        # What is not defined where it has no weight, such as 0 / 0, would else be summed: 0 times NaN is NaN.
+        # A value without weight may be undefined, such as 0 / 0, and would spoil a sum: 0 times NaN is NaN.
         return Score(value.masked_fill((weight == 0) & ~value.isfinite(), 0.0), weight)
 
     def _restart(self, done: Tensor, final: Tensor) -> Tensor:
@@ -201,8 +201,8 @@ class BatchedEnv:
         self.sim.forward(worlds)
 
     def _reset_masked(self, done: Tensor) -> None:
-        """Reset every world, then put back those that are not done: the same work whatever happened, so that the host
-        need not know."""
+        """Reset every world, then put back those that are not done: the work is the same whichever are done, so the
+        host need not know."""
         task = self.task
         fields = [(field, field.clone()) for field in self.sim.writable()]
         memory = [(name, getattr(task, name).clone()) for name in task.memory]

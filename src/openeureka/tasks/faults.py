@@ -22,21 +22,21 @@ _OURS = __name__.partition(".")[0]
 
 
 def fault(error: BaseException) -> TaskError | None:
-    """What a task's own code did wrong, judged by the innermost call of it that an error came through.
+    """What a person's task did wrong, at the innermost call of its code in the error's traceback.
 
-    None where it came through none, and for the tasks of this package: those errors are the program's and stay loud.
+    None where there is no such call. Code of this package's tasks does not count: its errors are programming errors.
     """
     sentence = _placed(error, _is_of_a_person)
     return TaskError(sentence) if sentence else None
 
 
 def told_where(error: BaseException) -> str:
-    """As `told`, with file and line where the error came out of code of others."""
+    """As `told`, with file and line where the error came from code outside of this package."""
     return _placed(error, lambda module: not _is_ours(module)) or told(error)
 
 
 def _placed(error: BaseException, counts: Callable[[Mapping[str, Any]], bool]) -> str:
-    """The error with the innermost call in a module that counts; empty where there is none."""
+    """The error and the innermost call in a module that counts; empty where there is no such call."""
     calls = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if counts(frame.f_globals)]
     if not calls:
         return ""
@@ -104,11 +104,11 @@ _WANTED: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     ),
     "model": (lambda value: _takes(value, 0), "a function without arguments: write @staticmethod above it"),
 }
-"""Attributes of a task's class: whether a value will do, and what would."""
+"""Attributes of a task's class: a check of the value, and what is wanted."""
 
 
 def check_class(task: type[Task]) -> None:
-    """Raises TaskError where an attribute of a task's class is nothing that a task can have there."""
+    """Raises TaskError where an attribute of a task's class has a value that cannot be used."""
     for name, (fits, wanted) in _WANTED.items():
         value = getattr(task, name)
         if not fits(value):
@@ -119,7 +119,7 @@ def check_class(task: type[Task]) -> None:
 
 
 def check_variables(task: Task, state: Mapping[str, Any]) -> None:
-    """Raises TaskError unless the state holds every variable of the table, but for the observation, in its shape."""
+    """Raises TaskError unless the state holds every variable of `spec`, except for the observation, in its shape."""
     for variable in task.spec.variables:
         if variable.name == "obs_buf":
             continue
@@ -138,7 +138,7 @@ def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
 
 
 def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
-    """Raises TaskError when a reset wrote what `memory` does not list: a GPU would put it back in no other world."""
+    """Raises TaskError when a reset wrote what `memory` does not list: a GPU would change it in all worlds."""
     known, after = task.lasting(), marks(task)
     for name in task.memory:
         if name not in after or after[name][0].shape[:1] != (task.num_envs,):
@@ -150,7 +150,7 @@ def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
 
 
 def inputs(task: Task) -> dict[str, Tensor]:
-    """Attributes that are whole fields of the simulator which a task writes, such as `ctrl`."""
+    """Attributes that are whole writable fields of the simulator, such as `ctrl`."""
     fields = task.sim.writable() if isinstance(task.sim, Simulator) else []
     places = {(field.data_ptr(), field.shape) for field in fields}
     own = {name: value for name, value in vars(task).items() if isinstance(value, Tensor)}
@@ -158,7 +158,7 @@ def inputs(task: Task) -> dict[str, Tensor]:
 
 
 def check_inputs(task: Task, before: Mapping[str, Tensor]) -> None:
-    """Raises TaskError when one of `inputs` was replaced: the simulator would read the old one for ever."""
+    """Raises TaskError when one of `inputs` was replaced: the simulator would go on reading the old tensor."""
     for name in before.keys() - inputs(task).keys():
         raise TaskError(
             f"The task `{task.env}` replaces `self.{name}`, the simulator's own memory, so nothing reaches it: write"
@@ -168,7 +168,7 @@ def check_inputs(task: Task, before: Mapping[str, Tensor]) -> None:
 
 def check_finite(task: Task, state: Mapping[str, Any], counts: Tensor) -> None:
     """Raises TaskError where a world (N,) that counts has a state variable or an observation that is not finite."""
-    for name in (*(name for name in task.spec.names if name != "obs_buf"), "obs_buf"):  # what it may be made of first
+    for name in (*(name for name in task.spec.names if name != "obs_buf"), "obs_buf"):  # first what it may be made of
         value = state[name]
         if not isinstance(value, Tensor):
             continue

@@ -31,11 +31,11 @@ _WAY = "say `human = ...` in the task, or write a file and name it: init=FILE.py
 def program(task: type[Task], way: str = _WAY) -> str:
     """The reward that its original authors wrote, as the text of a reward program.
 
-    A constant that is called like an attribute of the task, in capitals, has that attribute's value: `TOLERANCE` is the
-    `tolerance` of `NAME+tolerance=0.2` too.
+    A constant with the name of an attribute of the task, in capitals, has the attribute's value: `TOLERANCE` is 0.2 for
+    `NAME+tolerance=0.2`.
 
     Args:
-        way: what to do where there is none.
+        way: advice for a person where there is no program.
 
     Raises:
         TaskError: when the task, or one that it builds on, has a method for it instead.
@@ -62,7 +62,7 @@ def _text(task: type[Task]) -> str:
 
 
 def compiled(task: type[Task], state: Mapping[str, Any]) -> graph.CompiledReward:
-    """The program as a function of the state; of its outputs only the reward.
+    """The program as a function of the state, without its components.
 
     Args:
         state: any state of the task, to trace the program on.
@@ -84,7 +84,7 @@ def compiled(task: type[Task], state: Mapping[str, Any]) -> graph.CompiledReward
         traced = probe.probe(load(checked), task.spec, recorded).graph
     except Refused as refusal:
         raise _refused(task, refusal.finding) from None
-    # Its components would be computed in every step, and nobody looks at them.
+    # Components would be computed in every step, and nobody looks at them.
     alone, _ = graph.simplify(RewardGraph(nodes=traced.nodes, reward=traced.reward, components=()))
     return graph.CompiledReward(alone, task.spec)
 

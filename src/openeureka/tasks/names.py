@@ -15,7 +15,7 @@ from .anatomy import BALL, FREE, HINGE, SLIDE, name_of, own_joints
 class Names:
     """Columns of MuJoCo's fields, found by name when a task starts.
 
-    A number in the task's file would be another body's once the model is edited. Every method raises TaskError where
+    A number in the task's file would mean another body once the model is edited. Every method raises TaskError where
     the model has no such name.
     """
 
@@ -23,37 +23,37 @@ class Names:
         self._model, self._device = sim.model, sim.device
 
     def body(self, name: str) -> int:
-        """Of `xpos`, `xquat`, `xipos`, `cvel` and all else that is the bodies'."""
+        """Index of a body in `xpos`, `xquat`, `xipos`, `cvel` and all other fields of bodies."""
         return self._index("BODY", name)
 
     def site(self, name: str) -> int:
-        """Of `site_xpos` and `site_xmat`."""
+        """Index of a site in `site_xpos` and `site_xmat`."""
         return self._index("SITE", name)
 
     def geom(self, name: str) -> int:
-        """Of `geom_xpos` and `geom_xmat`."""
+        """Index of a geom in `geom_xpos` and `geom_xmat`."""
         return self._index("GEOM", name)
 
     def sensor(self, name: str) -> int | slice:
-        """Of `sensordata`; one column where the sensor measures one number."""
+        """Columns of a sensor in `sensordata`; a single one where it measures one number."""
         sensor = self._index("SENSOR", name)
         first, size = int(self._model.sensor_adr[sensor]), int(self._model.sensor_dim[sensor])
         return first if size == 1 else slice(first, first + size)
 
     def joints(self, names: tuple[str, ...]) -> tuple[Tensor, Tensor]:
-        """Of `qpos` and of `qvel` (k,), of hinges and slides."""
+        """Columns (k,) of hinges and slides in `qpos` and in `qvel`."""
         joints = [self._joint(name, (HINGE, SLIDE), "hinge or slide") for name in names]
         places, dofs = self._model.jnt_qposadr[joints], self._model.jnt_dofadr[joints]
         return self._columns(places), self._columns(dofs)
 
     def ball(self, name: str) -> tuple[slice, slice]:
-        """Of a ball joint: of `qpos`, its quaternion w, x, y, z, and of `qvel`, its angular velocity."""
+        """Columns of a ball joint: in `qpos` its quaternion w, x, y, z, and in `qvel` its angular velocity."""
         joint = self._joint(name, (BALL,), "ball joint")
         place, dof = int(self._model.jnt_qposadr[joint]), int(self._model.jnt_dofadr[joint])
         return slice(place, place + 4), slice(dof, dof + 3)
 
     def free(self, body: str) -> tuple[slice, slice]:
-        """Of `qvel`, of a body on a free joint: its velocity in the world frame, its angular velocity in its own."""
+        """Columns of a body on a free joint in `qvel`: velocity in the world frame, angular velocity in its own."""
         joints = [j for j in own_joints(self._model, self.body(body)) if self._model.jnt_type[j] == FREE]
         if not joints:
             raise TaskError(f"The body `{body}` has no free joint; write <freejoint/> in it, or name its joints.")

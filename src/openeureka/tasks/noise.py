@@ -25,8 +25,8 @@ def _shift(x: Tensor, bits: int) -> Tensor:
 class WorldNoise:
     """One counter-based stream per world.
 
-    Worlds of lanes with equal seeds draw equal numbers, so candidates are compared on the same episodes' starts. Where
-    a task draws within an episode, as random goals are, that holds for the first episode alone.
+    Worlds of lanes with equal seeds draw equal numbers, so candidates are compared on episodes with equal starts. Where
+    a task also draws within an episode, such as random goals, this holds for the first episode only.
 
     Args:
         lane_seeds: one seed per lane, L.

@@ -18,18 +18,18 @@ from .noise import WorldNoise
 from .task import State, Task
 
 EPISODES, STEPS, PUSHES = 1 << 33, 1 << 34, 1 << 35
-"""Added to a lane's seed: what worlds draw here leaves the task's own draws as they are."""
+"""Added to a lane's seed, so that draws made here do not change the task's own draws."""
 
 
 class RandomisedEnv(BatchedEnv):
     """A `BatchedEnv` whose worlds are drawn from ranges.
 
-    Draws depend on seed, world and episode alone, so lanes of equal seeds see the same worlds, whatever their policies
-    do; noise and pushes on seed, world and step. Rewards and F see the state without noise, and the action that the
-    policy asked for.
+    What a world is depends on seed, world and episode alone, so lanes of equal seeds see the same worlds, whatever
+    their policies do. Its noise and pushes depend on seed, world and step. Rewards and F see the state without noise,
+    and the action that the policy asked for.
 
     Args:
-        ranges: one a lane.
+        ranges: one per lane.
         worlds, lane_seeds, device, threads: as of `BatchedEnv`.
     """
 
@@ -55,16 +55,16 @@ class RandomisedEnv(BatchedEnv):
         self._episodes = WorldNoise([seed + EPISODES for seed in lane_seeds], worlds, device_)
         self._steps = WorldNoise([seed + STEPS for seed in lane_seeds], worlds, device_)
         self._pushes = WorldNoise([seed + PUSHES for seed in lane_seeds], worlds, device_)
-        """A lane's noise is the same whatever is pushed beside it."""
+        """Apart from `_steps`, so that a lane's noise is the same whether or not other lanes are pushed."""
         own = torch.tensor([getattr(NOMINAL, name) for name in QUANTITIES], device=device_)
         self.worlds = own.repeat(self.num_worlds, 1)
-        """(N, quantities) what each world is now, in the order of `Dynamics`."""
+        """(N, quantities) of each world as it is now, in the order of `Dynamics`."""
         self._every = torch.arange(self.num_worlds, device=device_)
         self._model = Perturbed(self.sim, [name for name in FACTORS if name in drawn])
         model = self.sim.model
         floating = floating_joint(model)
         self._noisy = "noise" in drawn
-        self._pushed = "push" in drawn and floating >= 0  # older runs hold ranges of pushes to what a hand holds
+        self._pushed = "push" in drawn and floating >= 0  # older runs may have pushes of what a hand holds
         self._errors = torch.zeros(self.num_worlds, task.num_observations, device=device_)
         self._latest = self._late(self._high[:, QUANTITIES.index("delay")])
         self._asked = torch.zeros(self.num_worlds, 1 + int(self._latest.max()), task.num_actions, device=device_)
@@ -75,7 +75,7 @@ class RandomisedEnv(BatchedEnv):
             self._mass = float(model.body_subtreemass[self._base])
 
     def quantity(self, name: str) -> Tensor:
-        """(N,) of each world as it is now."""
+        """(N,) one quantity of each world as it is now."""
         return self.worlds[:, QUANTITIES.index(name)]
 
     def reset(self, *, stagger: bool = False) -> Tensor:
@@ -89,7 +89,7 @@ class RandomisedEnv(BatchedEnv):
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         super().load_state_dict(saved)
         before = saved["random"]
-        # Lanes that have a result by now may have acted later than any that is left.
+        # Lanes that have a result by now may have had longer delays than any that is left.
         before = {**before, "asked": before["asked"][:, : self._asked.shape[1]]}
         for name, value in self._memory().items():
             value.copy_(before[name])
@@ -113,11 +113,11 @@ class RandomisedEnv(BatchedEnv):
         self._forces[:, self._base] = before
 
     def _late(self, delay: Tensor) -> Tensor:
-        """(N,) steps of a delay (N,) [s]: in single precision 0.09 s / 0.02 s is above 4.5, in double it is not."""
+        """(N,) steps of a delay (N,) [s]. In single precision 0.09 s / 0.02 s is above 4.5, in double it is not."""
         return (delay / self.task.control_dt).round().long()
 
     def _push(self) -> Tensor:
-        """(N, 2) force [N] that is pushed with on this step; most worlds are left alone."""
+        """(N, 2) force [N] of the push on this step; 0 in most worlds."""
         chance, angle = self._pushes.uniform(self._every, 2).unbind(-1)
         dt = self.task.control_dt
         size = self.quantity("push") * self.quantity("mass") * self._mass / dt
@@ -143,7 +143,7 @@ class RandomisedEnv(BatchedEnv):
         super()._reset_masked(done)
 
     def _redraw(self, worlds: Tensor) -> None:
-        """New physics for worlds (N,) bool."""
+        """Draw worlds (N,) bool anew."""
         draws = self._episodes.draws.clone()
         new = self._episodes.uniform(self._every, len(QUANTITIES), self._low, self._high)
         self._episodes.draws.copy_(torch.where(worlds, self._episodes.draws, draws))

@@ -40,12 +40,12 @@ NAMED: Mapping[str, Pairs] = {
         "push": (0.0, 0.5),
     },
 }
-"""By name; of these a task takes what changes anything of it."""
+"""Ranges by name. A task takes the quantities that change anything of it."""
 
 
 class _Table(yaml.SafeLoader):
-    """Words, numbers, and lists of them by name. YAML's other kinds raise all sorts of errors where they are damaged,
-    and its references spell out terabytes."""
+    """Reads words, numbers, and lists of them by name. YAML's other types raise all sorts of errors on damaged text,
+    and its references can expand to terabytes."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event = self.peek_event()
@@ -67,7 +67,7 @@ def find(env: str, randomise: str) -> Ranges | None:
     """The ranges of a name or of a YAML file; None for `none`.
 
     Raises:
-        ConfigError: when there are none, one makes no sense, or would change nothing of the task.
+        ConfigError: when there are no such ranges, or one makes no sense or would change nothing of the task.
     """
     if randomise == NO_RANGES:
         return None
@@ -95,13 +95,13 @@ def find(env: str, randomise: str) -> Ranges | None:
 
 
 def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> Ranges:
-    """The ranges that a text in YAML says, a quantity a line.
+    """The ranges in a YAML text, one quantity per line.
 
     Args:
-        where: what the text is called.
+        where: what messages call the text.
 
     Raises:
-        ConfigError: for anything else, for what the task does not have, and where nothing would change.
+        ConfigError: for any other text, for what the task does not have, and where nothing would change.
     """
     try:
         found = yaml.load(text, Loader=_Table)
@@ -124,7 +124,7 @@ def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> R
 
 
 def uniform(task: type[Task], model: mujoco.MjModel) -> Ranges:
-    """`wide`, as far as the task has it."""
+    """The ranges `wide`, as far as they change anything of the task."""
     return _taken(task, model, NAMED["wide"])
 
 
@@ -133,7 +133,7 @@ def _taken(task: type[Task], model: mujoco.MjModel, pairs: Pairs) -> Ranges:
 
 
 def described(task: type[Task], model: mujoco.MjModel) -> str:
-    """A robot in lines: its bodies' masses, its joints and drives, and how often it acts."""
+    """A robot as text: its bodies' masses, its joints and drives, and how often it acts."""
     masses = ", ".join(f"{model.body(b).name} {model.body_mass[b]:.3g}" for b in range(1, model.nbody))
     joints = ", ".join(model.joint(joint).name for joint in driven_joints(model))
     damping, armature = model.dof_damping, model.dof_armature
@@ -161,7 +161,7 @@ def _drive(model: mujoco.MjModel, actuator: int) -> str:
 
 
 def ranges(pairs: Pairs) -> Ranges:
-    """Those of some quantities; the others are as the task has them."""
+    """The ranges of these quantities; the others are as the task has them."""
     low, high = (Dynamics(**{name: pair[end] for name, pair in pairs.items()}) for end in (0, 1))
     return Ranges(low, high)
 
@@ -170,7 +170,7 @@ def checked(name: str, value: object, where: str) -> tuple[float, float]:
     """Low and high of a quantity.
 
     Raises:
-        ConfigError: for an unknown one, or what is no range of it.
+        ConfigError: for an unknown quantity, or a value that is no range of it.
     """
     if name not in QUANTITIES:
         raise ConfigError(
@@ -196,7 +196,7 @@ def _example(name: str) -> list[float]:
 
 
 def useless(task: type[Task], model: mujoco.MjModel, name: str, most: float = math.inf) -> str:
-    """Why a quantity of at most so much changes nothing of a task; empty where it does."""
+    """Why a quantity of at most `most` changes nothing of a task; empty where it changes something."""
     if name in FACTORS and not acts(model, name):
         return "whose model has nothing of the kind"
     if name in ("push", "push_every") and floating_joint(model) < 0:

@@ -20,7 +20,7 @@ def try_out(env: str) -> None:
 
 
 def _step(simulation: BatchedEnv, actions: Tensor) -> Step:
-    """One step. Raises TaskError where the task leaves the simulator behind, or what it gives is not finite."""
+    """One step. Raises TaskError where the task replaced what the simulator reads, or what it gives is not finite."""
     inputs = faults.inputs(simulation.task)
     played = simulation.step(actions)
     faults.check_inputs(simulation.task, inputs)
@@ -29,7 +29,7 @@ def _step(simulation: BatchedEnv, actions: Tensor) -> Step:
 
 
 def _try_rewards(task: Task, state: State) -> None:
-    """What only training calls is called here too: a fault in it must not wait until a model has been paid."""
+    """Call what otherwise only training calls: a fault in it must show before a language model has been paid."""
     for method in ("human_reward", "sparse_reward"):
         faults.per_world(task, method, getattr(task, method)(state))
 
@@ -50,7 +50,7 @@ def record_states(
         of which the first is the start.
 
     Raises:
-        TaskError: where F or what else the task gives cannot be used, or its physics breaks down in most steps.
+        TaskError: where F or another value of the task cannot be used, or its physics breaks down in most steps.
     """
     simulation = make(env, worlds=worlds, threads=1)
     simulation.scored, task = scored, simulation.task

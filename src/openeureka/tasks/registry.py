@@ -1,7 +1,7 @@
 """Finds tasks by name: those of the suite, those of installed packages (entry point group `openeureka.tasks`), import
 strings `pkg.mod:Class` and files `path/to/file.py`, or `path/to/file.py:Class` where a file holds several.
-`PREFIX:NAME` asks the adapter of an environment of others: `gym:Hopper-v5`.
-`NAME+attribute=value` is a task with another class attribute."""
+`PREFIX:NAME` asks the adapter of a foreign environment: `gym:Hopper-v5`.
+`NAME+attribute=value` is a task with another value of a class attribute."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from .randomise import RandomisedEnv
 from .task import Task
 
 _SUITE = "openeureka.suite"
-"""Imported by this name alone, as a stranger's package is: what holds for any task holds for the tasks of the suite."""
+"""Imported by this name alone, as anybody's package is: the tasks of the suite have no privileges."""
 _FOREIGN = "openeureka.adapters.foreign"
 ADAPTERS: dict[str, str] = {
     **dict.fromkeys(("gym", "gym-asis"), "openeureka.adapters.gym"),
     **dict.fromkeys(("python", "mjlab", "isaaclab", "dmc", "maniskill"), _FOREIGN),
 }
-"""Prefix -> module, which offers `task(env, name, settings)`, the class with the settings left to set of it, and
-`imports(name, settings)`, whether that imports or reads what the name chooses."""
+"""Prefix -> module with two functions. `task(env, name, settings)` gives the class, and the settings that are left to
+apply to it; `imports(name, settings)` tells whether that imports or reads a file or module which the name chooses."""
 
 
 def names() -> list[str]:
@@ -45,7 +45,7 @@ def _suite() -> Any:
 
 
 def installed(env: str) -> bool:
-    """Whether `get` finds the task by one of `names`: it then imports no file or module of `env`'s own choice."""
+    """Whether `get` finds the task without importing a file or module that `env` itself chooses."""
     name, *settings = _parts(env)
     prefix, _, rest = name.partition(":")
     return not _adapter(prefix).imports(rest, _settings(settings)) if prefix in ADAPTERS else name in names()
@@ -60,7 +60,7 @@ def _settings(parts: Sequence[str]) -> dict[str, str]:
 
 
 def _parts(env: str) -> list[str]:
-    """The name of a task, and what is set of it."""
+    """The name of a task, then its settings `attribute=value`."""
     return re.split(r"\+(?=\w+=)", env)
 
 
@@ -85,7 +85,7 @@ def get(env: str) -> type[Task]:
 
 
 def offered(env: str) -> type[Task] | None:
-    """The class of a task that is `installed` and can be had here: nobody's file is imported to look for it."""
+    """The class of a task that is `installed` and available here, else None. No file that `env` chooses is imported."""
     try:
         return get(env) if installed(env) else None
     except TaskError:
@@ -98,9 +98,10 @@ def variant(env: str, values: Mapping[str, object]) -> str:
 
 
 FIXED = ("env", "suite", "source", "draws_itself", "human")
-"""Attributes of a task that say what it is, and its program: a name, which a store may hold, brings none."""
+"""Attributes that a setting cannot change: they say what a task is, or hold a program, and a name may come from a
+store."""
 POSITIVE = ("episode_length", "control_dt", "substeps")
-"""Without these, nothing moves."""
+"""Attributes without which nothing moves: a setting of them must be above zero."""
 
 
 def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
@@ -120,7 +121,7 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
             raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
         if name in POSITIVE and not values[name] > 0:  # type: ignore[operator]
             raise TaskError(f"`{name}` of `{task.env}` must be more than zero, not `{text}`.")
-    # What was changed may be what bounds F, such as the length of an episode, or what ends one.
+    # A changed attribute may bound F, such as the length of an episode, or decide when one ends.
     said = {"score_range": (None, None), "ends": task.ends if set(values) <= {"episode_length"} else ""}
     return type(task.__name__, (task,), {"__module__": task.__module__, **said, **values})
 
@@ -184,6 +185,6 @@ def make(
     threads: int = 0,
     ranges: Sequence[Ranges] = (),
 ) -> BatchedEnv:
-    """Build the simulation of len(lane_seeds) * worlds worlds; with ranges, one a lane, they differ."""
+    """Build the simulation of len(lane_seeds) * worlds worlds; with ranges, one per lane, they differ."""
     build = partial(RandomisedEnv, ranges=ranges) if ranges else BatchedEnv
     return build(get(env), worlds=worlds, lane_seeds=lane_seeds, device=device, threads=threads)

@@ -18,8 +18,8 @@ _FRAME = 7  # numbers of one body's frame sensors: position, quaternion
 
 
 def add_contact_sensor(spec: mujoco.MjSpec, body: str, *fields: mujoco.mjtConDataField, on: str = "") -> None:
-    """These parts of the net wrench, in the world frame, that a body exerts on another, or on all it touches: minus
-    what it feels."""
+    """Add a sensor of these parts of the net contact wrench, in the world frame, that a body exerts on another, or on
+    all that it touches. The body feels the negative of it."""
     net_force = 3  # reduction of all contacts to one wrench
     spec.add_sensor(
         name=f"{body}_contact",
@@ -82,9 +82,9 @@ class Reading:
     size: int
     use: StateUse
     quaternion: bool
-    """w, x, y, z"""
+    """Whether it is a quaternion w, x, y, z."""
     felt: bool
-    """Whether it says what the places and speeds of joints and bodies do not."""
+    """Whether it tells what positions and velocities of joints and bodies do not."""
 
 
 # Quantity, use, felt. Sensors that are not here get their values from a user's or a plugin's code.
@@ -167,7 +167,7 @@ def readings(model: mujoco.MjModel) -> list[Reading]:
 
 
 def _object(model: mujoco.MjModel, kind: int, index: int) -> str:
-    """What it is called; MuJoCo's `body` is the frame of its inertia, `xbody` that of its joints and geoms."""
+    """What an object is called; MuJoCo's `body` is the frame of its inertia, `xbody` that of its joints and geoms."""
     if index < 0:
         return "the model"
     called = mujoco.mjtObj(kind).name.removeprefix("mjOBJ_")

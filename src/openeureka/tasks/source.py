@@ -1,7 +1,7 @@
-"""A task's source as a language model reads it: how actions act and how the state comes about, with what that names.
+"""A task's source as a language model reads it: how actions act and how the state is computed, with what that names.
 
-Two rules keep the goal out. Only the methods in `_SHOWN` are the start of what is shown. And of what they name nothing
-is shown that the score, the rewards or the end of an episode name too: a number, a method, something remembered.
+Two rules keep the goal out. What is shown starts from the methods in `_SHOWN` only. And of what they name, nothing is
+shown that the score, the rewards or the end of an episode name too: no number, method or remembered attribute.
 """
 
 from __future__ import annotations
@@ -24,27 +24,28 @@ _SHOWN = ("apply_action", "compute_state", "observe")
 _HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "success_bonus", "terminated", "reset")
 _OURS = __name__.partition(".")[0]
 
-_MAX_CONSTANT, _MAX_FORMULA = 240, 60  # characters of a value, and of where it comes from
+_MAX_CONSTANT, _MAX_FORMULA = 240, 60  # characters of a value, and of its formula
 _MAX_METHOD = 16  # lines
 _MAX_FUNCTION = 1  # statements
 _GIVEN = "# self.sim.bind(field): MuJoCo's field, of all N environments, live. self.actions: the last actions."
 
 
 def prune(task: type[Task]) -> str:
-    """The task's class, and above it those it builds on, with only the methods that turn actions into motion and motion
-    into state; before them the constants and functions, and in them the attributes, that these methods name."""
+    """The task's class, after its base classes, with only the methods that turn actions into motion and motion into
+    state. Constants and functions that these methods name come first, and attributes that they name are in the classes.
+    """
     return _Source(task).text()
 
 
 class _Source:
-    """Follows the names from the shown methods on."""
+    """Collects what the shown methods name, and what that names in turn."""
 
     def __init__(self, task: type[Task]) -> None:
         self.task = task
         self.lineage = [cls for cls in reversed(task.__mro__) if issubclass(cls, Task) and cls is not Task]
         self.modules = {cls.__module__ for cls in self.lineage}
         self.above: dict[str, str] = {}
-        """Constants, then functions and classes, by name."""
+        """Constants, by name."""
         self.functions: dict[str, str] = {}
         self.attributes: dict[tuple[type, str], str] = {}
         self.assigned: dict[type, set[ast.stmt]] = {cls: set() for cls in self.lineage}
@@ -137,7 +138,7 @@ class _Source:
                 self._show_assignment(cls, init, node)
 
     def _show_assignment(self, cls: type, init: FunctionType | None, node: ast.stmt) -> None:
-        """A statement of `__init__`, and those before it that make its local variables."""
+        """Show a statement of `__init__`, and those before it that assign its local variables."""
         if init is None or node in self.assigned[cls]:
             return
         self.assigned[cls].add(node)
@@ -153,7 +154,7 @@ class _Source:
         return any(".bind(" in ast.unparse(node) for init in inits if init for node in _assigning(init, name))
 
     def _is_private(self, function: FunctionType) -> bool:
-        """Whether a function is one the hidden methods use, or names what they name."""
+        """Whether the hidden methods use a function, or it names what they name."""
         node = _parsed(function)
         touched = {name for name in (*_attributes(node), *_stores(node)) if name not in self._known}
         if touched & {name for name in self.private if not self._is_bound(name)}:
@@ -162,15 +163,15 @@ class _Source:
         return function.__name__ in self.private or bool(own & self.private)
 
     def _is_own(self, value: Any, name: str, function: FunctionType) -> bool:
-        """Whether a global belongs to the task, not to what all tasks calculate with."""
+        """Whether a global belongs to the task, not to the helpers of all tasks."""
         if isinstance(value, type | FunctionType):
             return value.__module__ in self.modules
         return name in function.__globals__ and not isinstance(value, ModuleType)
 
     def _reached_from_hidden(self) -> set[str]:
-        """Names of the task's own that its score, rewards, terminations and resets use, also through each other.
+        """Names of the task's own that its score, rewards and terminations use, also through each other.
 
-        A reset is not followed into what it names: limits, start poses and the like are no secret.
+        What a reset uses is not among them: limits, start poses and the like are no secret.
         """
         found: set[str] = set()
         waiting = [name for name in _HIDDEN if name != "reset"]
@@ -198,7 +199,7 @@ class _Source:
 
 @cache
 def _attributes_of_any_task() -> frozenset[str]:
-    """What every task has, whatever it is about."""
+    """Names of attributes that every task has, whatever it is about."""
     init = _parsed(Task.__init__)
     return frozenset(_stores(init)) | {"control_dt", "spec"}
 
@@ -220,7 +221,7 @@ def _parsed(function: Callable[..., Any]) -> ast.FunctionDef:
 
 
 def _lines(function: Callable[..., Any]) -> list[str]:
-    """Of its source, as it stands in its file."""
+    """Lines of a function's source, as in its file."""
     return inspect.getsource(function).splitlines()
 
 
@@ -235,7 +236,7 @@ def _stores(node: ast.AST) -> list[str]:
 
 
 def _names(node: ast.AST) -> list[str]:
-    """Names that are read, without annotations and a function's own."""
+    """Names that are read, without annotations and without a function's own variables."""
     if isinstance(node, ast.FunctionDef):
         own = {argument.arg for argument in (*node.args.args, *node.args.kwonlyargs)}
         own |= {part.id for part in ast.walk(node) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)}
@@ -304,7 +305,7 @@ def _module(name: str) -> tuple[list[str], list[ast.stmt]]:
 
 
 def _comment(name: str, module: str) -> str:
-    """What stands behind a module's constant, or how it is calculated; also where another module imports it."""
+    """The comment behind a module's constant, or its formula; where the module imports it, those of its origin."""
     lines, body = _module(module)
     for node in body:
         if isinstance(node, ast.ImportFrom) and name in (alias.name for alias in node.names):

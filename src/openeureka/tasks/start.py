@@ -8,17 +8,17 @@ import numpy as np
 from .anatomy import base, follow, scalar_joints, tied, upwards
 
 SWAY = 0.05
-"""[rad] or [m] by which joints differ at the start of an episode, at most."""
+"""[rad] or [m] by which joints differ from the pose at the start of an episode, at most."""
 SHARE = 0.1
-"""Of the range of a joint, by which it differs at most."""
+"""Share of a joint's range by which it differs, at most."""
 _SWAYS = 64
-"""Poses that the ground is kept free of."""
+"""Random poses in which a robot is kept out of the ground."""
 _MOST_LIFT = 0.1
-"""[m] What is deeper in the ground is drawn so, and stays."""
+"""[m] A robot that is deeper in the ground is modelled so, and stays."""
 
 
 def at_start(model: mujoco.MjModel, field: str) -> np.ndarray:
-    """MjData's field in the first keyframe, or as drawn."""
+    """MjData's field in the first keyframe, or else in the model's own pose."""
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -26,9 +26,9 @@ def at_start(model: mujoco.MjModel, field: str) -> np.ndarray:
 
 
 def home(model: mujoco.MjModel) -> np.ndarray:
-    """(nq,) the first keyframe, or the pose as drawn.
+    """`qpos` (nq,) of the first keyframe, or else of the model's own pose.
 
-    Joints are kept so far inside their range that they may sway, and a robot so far above the ground.
+    Joints are moved inside their range, and a robot above the ground, so far that there is room to `sway`.
     """
     pose, room = at_start(model, "qpos"), sway(model)
     for joint in scalar_joints(model):
@@ -44,9 +44,10 @@ def home(model: mujoco.MjModel) -> np.ndarray:
 
 
 def sway(model: mujoco.MjModel) -> np.ndarray:
-    """(nq,) by how much each number of `home` may differ [rad] or [m]: hinges and slides alone.
+    """(nq,) by how much each number of `home` may differ, [rad] or [m].
 
-    None for what carries a robot through the world, nor for joints that an equality holds together: it would tear.
+    Only hinges and slides do. Joints that carry a robot through the world do not, nor do joints that an equality
+    couples: it would be violated.
     """
     held, carrier, found = tied(model), base(model), np.zeros(model.nq)
     for joint in scalar_joints(model):
@@ -57,7 +58,7 @@ def sway(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _sunk(model: mujoco.MjModel, carrier: int, pose: np.ndarray, room: np.ndarray) -> float:
-    """[m] by which a robot is in what stands fixed, at most, where its joints sway as far as they may."""
+    """[m] How deep a robot is in fixed bodies, at most, where its joints sway as far as they may."""
     random, data, deepest = np.random.default_rng(0), mujoco.MjData(model), 0.0
     for signs in random.choice((-1.0, 1.0), size=(_SWAYS, model.nq)):
         data.qpos[:] = pose + room * signs
@@ -67,10 +68,10 @@ def _sunk(model: mujoco.MjModel, carrier: int, pose: np.ndarray, room: np.ndarra
 
 
 def depths(model: mujoco.MjModel, data: mujoco.MjData, carrier: int) -> list[float]:
-    """[m] of each contact between what a body carries and what stands fixed."""
+    """[m] Depth of each contact between the bodies that `carrier` carries and fixed ones."""
     found: list[float] = []
     for contact in data.contact[: data.ncon]:
-        bodies = model.geom_bodyid[contact.geom[contact.geom >= 0]]  # -1 for what is soft
+        bodies = model.geom_bodyid[contact.geom[contact.geom >= 0]]  # -1 for soft bodies
         fixed, own = model.body_weldid[bodies] == 0, model.body_rootid[bodies] == carrier
         if fixed.any() and own.any():
             found.append(-float(contact.dist))

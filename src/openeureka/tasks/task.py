@@ -25,7 +25,7 @@ from .noise import WorldNoise
 
 State = Mapping[str, Any]
 """State variable name -> value: world variables are tensors (N, ...), constants tensors, the rest Python numbers. After
-a step of a task that has one also `outcome` (see `Task.outcome`)."""
+a step, a task that has an `outcome` adds it (see `Task.outcome`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,9 +52,9 @@ class Recipe:
     reward_scale: float = 1.0
     max_grad_norm: float | None = 1.0
     noise: float = 1.0
-    """Standard deviation of the first actions, which reach from -1 to 1."""
+    """Initial standard deviation of actions, whose range is -1 to 1."""
     head: float = 1.0
-    """Scale of the weights that the first actions' means come from (0.01 in arXiv 2006.05990)."""
+    """Scale of the initial weights of the action means (0.01 in arXiv 2006.05990)."""
     bootstrap_timeouts: bool = True
 
     def __post_init__(self) -> None:
@@ -68,14 +68,14 @@ class Recipe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How pictures show a task; all that moves fits into them, where it is at the start."""
+    """How pictures show a task. Everything that moves fits into them where it is at the start."""
 
     azimuth: float = 120.0
     """Direction of sight about z, from x [degrees]."""
     elevation: float = -15.0
     """[degrees]"""
     swept: bool = False
-    """What joints with a range move fits in wherever they bring it, not at the start alone."""
+    """Whether what joints with a range move fits into them everywhere in that range, not only at the start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,10 +120,10 @@ class Task(ABC):
     ends: ClassVar[str] = ""
     """When `terminated` ends an episode: a sentence for the language model, which does not say what F wants."""
     scores_episodes: ClassVar[bool] = False
-    """F tells of whole episodes in every step: those of an episode that began in its middle have no weight."""
+    """Whether F is about whole episodes in every step: steps of an episode that began in its middle have no weight."""
     counts_early: ClassVar[bool] = False
-    """F of a training tells of the first episodes that end, where it tells of whole ones at their ends: right where
-    only a failure ends one early. Elsewhere those are at first the quick successes, and F waits (`training.curves`)."""
+    """Whether F in training counts the first episodes that end, where it counts only whole ones. That is right where
+    only a failure ends one early. Elsewhere the first to end are quick successes, and F waits (`training.curves`)."""
     episode_length: ClassVar[int]
     """[steps]"""
     time_out_early: ClassVar[int] = 0
@@ -135,8 +135,8 @@ class Task(ABC):
     num_observations: ClassVar[int]
     num_actions: ClassVar[int]
     choices: ClassVar[tuple[int, ...]] = ()
-    """Options of each discrete choice, `num_actions` in all: an action is then a one for the option taken of each, and
-    zeros. Empty means continuous actions."""
+    """Options of each discrete choice, `num_actions` in all: an action then has a one for each option that is taken,
+    and zeros elsewhere. Empty means continuous actions."""
     clip_observations: ClassVar[float] = math.inf
     max_contacts: ClassVar[int] = 0
     """Contacts that the GPU simulator has room for, in an average world; 0 means a guess from the model."""
@@ -148,16 +148,16 @@ class Task(ABC):
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {}
     """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """Attributes, tensors (N, ...), that live from step to step: all that `reset` writes, and what else a step leaves
-    to later ones; those of a class that this one builds on among them."""
+    """Attributes, tensors (N, ...), that last from step to step: all that `reset` writes, and what else a step leaves
+    to later ones. Those of a base class must be listed too."""
     source: ClassVar[str] = ""
     """What the language model reads in place of the task's own code; empty for that."""
     unmeasured: ClassVar[tuple[tuple[str, range], ...]] = ()
     """What no sensor of the robot tells: state variables, and their columns of the observation."""
     draws_itself: ClassVar[bool] = False
-    """Whether MuJoCo has no part in it: its masses cannot be changed, and its worlds draw their own pictures."""
+    """Whether the task runs without MuJoCo: its masses cannot be changed, and its worlds render their own pictures."""
     deployment: ClassVar[Deployment | None] = None
-    """What a robot's computer must know to run a policy; None where it cannot make the observation."""
+    """What a robot's computer must know to run a policy; None where it cannot compute the observation."""
     human: ClassVar[str | Path] = ""
     """The reward its original authors wrote: a reward program, or the file that holds it. Empty where the task has a
     method `human_reward` instead, which no search can begin with."""
@@ -178,7 +178,7 @@ class Task(ABC):
 
     @classmethod
     def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
-        """N copies of its model. A task that `draws_itself` gives other `Worlds`, and asks no more of them."""
+        """N copies of its model. A task that `draws_itself` gives other `Worlds`, and uses only what these offer."""
         room = Capacity(cls.max_contacts, cls.max_constraints)
         return open_simulator(cls.compile_model(), num_worlds, device=device, threads=threads, room=room)
 
@@ -210,13 +210,15 @@ class Task(ABC):
     def reset(self, worlds: Tensor) -> None:
         """Write the start state of worlds (k,) into the simulator's state fields and this task's memory.
 
-        On a GPU all worlds are written and the memory of those that go on is put back.
+        On a GPU all worlds are written, and those that go on are put back.
         """
 
     def outcome(self, s: State) -> Tensor | None:
-        """(N,) what F and the sparse reward share of this step, or None; they read it as `s["outcome"]`, no reward can.
+        """(N,) what F and the sparse reward have in common on this step, or None. They read it as `s["outcome"]`, which
+        no reward program can.
 
-        Called once a step, before both; here, and not there, may a task change what it remembers: a success, a count.
+        Called once a step, before both. A task may update what it remembers here, such as a success or a count, but not
+        there.
         """
         return None
 
@@ -235,17 +237,17 @@ class Task(ABC):
         """(N,) reward that is the fitness itself, per world."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every attribute that is a tensor, but for the simulator's own memory."""
+        """Every attribute that is a tensor, except for the simulator's own memory."""
         bound = {value.untyped_storage().data_ptr() for value in self.sim.memory().values()}
         own = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
         return {name: value for name, value in own.items() if value.untyped_storage().data_ptr() not in bound}
 
     def success_bonus(self, s: State) -> Tensor | None:
-        """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
+        """(N,) what the original adds to generated rewards on success, unknown to their author; None for nothing."""
         return None
 
     def ghosts(self) -> Mapping[str, Tensor]:
-        """Where bodies of the model are wanted now, for pictures: position and quaternion (N, 7) by the body's name."""
+        """Where bodies of the model should be now, for pictures: position and quaternion (N, 7) by the body's name."""
         return {}
 
     @classmethod
@@ -260,7 +262,7 @@ class Task(ABC):
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
         """A file with a reward for the suite that the environment comes from.
 
-        Raises TaskError where there is none: the task is at home here.
+        Raises TaskError for a task of openeureka's own, which has no such suite.
         """
         raise TaskError(
             f"`{cls.env}` is a task of openeureka's own kind. Rewards go back only to environments that came from "
@@ -269,13 +271,13 @@ class Task(ABC):
 
     @classmethod
     def acting(cls) -> dict[str, list[float]]:
-        """What a policy's actions are to an environment that comes from elsewhere, as numbers by name for programs
+        """What a policy's actions mean to an environment that comes from elsewhere, as numbers by name for programs
         there; empty for a task of openeureka's own kind."""
         return {}
 
     @classmethod
     def lasting(cls) -> tuple[str, ...]:
-        """Attributes that a lane keeps where it pauses; all others are as a new task has them."""
+        """Attributes that are kept when a lane pauses; all others are then as in a new task."""
         return (*cls.memory, "progress", "actions")
 
     @classmethod
@@ -285,7 +287,7 @@ class Task(ABC):
 
     @classmethod
     def window(cls) -> int:
-        """Epochs that F of a training averages: as many as an episode lasts."""
+        """Epochs that F in training is averaged over: as many as an episode lasts."""
         return -(-cls.episode_length // cls.recipe.horizon)
 
     @classmethod
@@ -296,7 +298,7 @@ class Task(ABC):
 
     @classmethod
     def compiled(cls) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where MuJoCo cannot have it."""
+        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where MuJoCo refuses it."""
         spec = cls.model()
         if not isinstance(spec, mujoco.MjSpec):
             raise TaskError(
@@ -307,7 +309,7 @@ class Task(ABC):
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         try:
             return spec, spec.compile()
-        except ValueError as error:  # as for a mesh that is not there
+        except ValueError as error:  # such as for a missing mesh
             text = " ".join(str(error).split())
             raise TaskError(
                 f"{inspect.getsourcefile(cls)}: the model of `{cls.__name__}` does not compile: {text}"
@@ -315,7 +317,7 @@ class Task(ABC):
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
-        """What the worlds of the task run."""
+        """The model that the worlds of the task run."""
         return cls.compiled()[1]
 
 

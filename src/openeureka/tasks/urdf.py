@@ -1,4 +1,4 @@
-"""Reads a robot description (URDF) as a MuJoCo model: it has no actuators, and names meshes as ROS packages do."""
+"""Reads a robot description (URDF) as a MuJoCo model. A URDF has no actuators, and names meshes as ROS packages do."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from ..errors import TaskError
 from .start import home
 
 STIFFNESS = 4.0
-"""[1/rad] or [1/m]: servos of joints with a range give their whole effort where they are a quarter off."""
+"""[1/rad] or [1/m]: servos of joints with a range give their full effort at an error of 0.25 rad or m."""
 _MESHES = (".stl", ".obj", ".msh")
 _LEAST = 1e-6
-"""[kg], [kg m^2] that MuJoCo needs of anything that moves; descriptions leave out the inertia of mere frames."""
+"""[kg], [kg m^2] that MuJoCo needs for anything that moves; URDFs leave out the inertia of mere frames."""
 
 
 def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     """The robot with an actuator for every joint that has an effort limit.
 
-    A joint with a range gets a position servo within that range, one without a motor; both are limited to its effort.
-    Its damping is such that full effort moves it at its velocity limit. Joints that mimic another follow it. Links that
-    a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are left out.
+    A joint with a range gets a position servo within that range, and a joint without a range gets a motor. Both are
+    limited to its effort. Its damping is such that full effort moves it at its velocity limit. Joints that mimic
+    another follow it. Links that a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are
+    left out.
 
     Args:
-        floating: the root may move freely, above a floor, as where a joint of type `floating` says so; else it is fixed
-            to the world, as arms are.
+        floating: let the root move freely, above a floor, as a joint of type `floating` does too; else it is fixed to
+            the world, as arms are.
 
     Raises:
         TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint has an effort limit, or
-            one mimics what is not there.
+            one mimics a joint that does not exist.
     """
     path = Path(path).resolve()
     if not path.is_file():
@@ -64,7 +65,7 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
 
 
 def _find_meshes(link: ElementTree.Element, path: Path) -> None:
-    """Name meshes by where they are, without visual ones that cannot be read."""
+    """Write where a link's meshes are into it, and drop visual ones that MuJoCo cannot read."""
     for kind in ("visual", "collision"):
         for part in link.findall(kind):
             mesh = part.find("geometry/mesh")
@@ -83,7 +84,7 @@ def _find_meshes(link: ElementTree.Element, path: Path) -> None:
 
 
 def _mesh(name: str, path: Path) -> Path | None:
-    """Where a mesh is: `package://NAME/...` is sought beside and in every folder above the description."""
+    """Where a mesh is: `package://NAME/...` is looked for beside and in every folder above the description."""
     _, package, inside = name.rpartition("package://")
     if not package:
         place = path.parent / name.removeprefix("file://")
@@ -121,19 +122,19 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
 
 
 def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
-    """What a limit says; 0 where it says nothing. Raises TaskError for what is none, or not finite."""
+    """A number of a limit; 0 where it is missing. Raises TaskError where it is no number, or not finite."""
     said = limit.get(key, "0") if limit is not None else "0"
     try:
         value = float(said)
     except ValueError:
         raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is no number; correct it.") from None
-    if math.isfinite(value) or (key == "velocity" and value > 0.0):  # of any speed: nothing damps it
+    if math.isfinite(value) or (key == "velocity" and value > 0.0):  # infinite: no damping
         return value
     raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is not finite; say how much it is.")
 
 
 def _part_from_base(spec: mujoco.MjSpec) -> None:
-    """Let what the base carries pass through it, as MuJoCo does where a parent is not fixed to the world."""
+    """Exclude contacts of the base with the first links on it; MuJoCo does so itself only where a base is not fixed."""
     fixed, first = {spec.worldbody.name}, set[str]()
     for body in spec.bodies[1:]:  # parents come before their children
         same = fixed if body.parent.name in fixed else first if body.parent.name in first else set[str]()
@@ -154,7 +155,7 @@ def _floats(spec: mujoco.MjSpec) -> bool:
 
 
 def _set_afloat(spec: mujoco.MjSpec) -> None:
-    """Let the root move, standing on a floor as episodes begin."""
+    """Let the root move freely, and put the robot onto a floor, in the pose in which episodes begin."""
     root = spec.worldbody.first_body()
     if not _floats(spec):
         root.add_freejoint()
