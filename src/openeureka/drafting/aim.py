@@ -1,6 +1,6 @@
 """What a robot is to do, and so what F measures, guessed from the model's names and a person's sentence.
 
-The guess is F of the task: a sentence that is not understood to its last word gets none, and the draft says so.
+The guess becomes the task's F. If any word of the sentence is not understood, there is no F, and the draft says so.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from ..errors import TaskError, nearest
 from .survey import Point, Survey
 
 NEAR = 0.2
-"""Share of its way to the goal within which something has reached it, unless `NEAREST` or what both fill is more."""
+"""A goal is reached within this share of the distance at the start; within `NEAREST` or the size of both, if more."""
 NEAREST = 0.01
-"""[m] that count as having reached a goal, at least."""
+"""[m] within which a goal always counts as reached."""
 POSES = 101
-"""Tried at random to find a goal, or whether one can be reached."""
+"""Random poses that are tried, to make up a goal within reach or to check that one can be reached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class Aim:
     """What F measures. One of `missing`, `goal`, `point` is set, or none for a robot that runs along x."""
 
     measure: str
-    """F in words; empty where nobody has said."""
+    """F in words; empty where there is no F."""
     description: str
     """The sentence for the language model, if a person gives none."""
     missing: str = ""
@@ -37,23 +37,23 @@ class Aim:
     hand: Point | None = None
     """What brings it, where that is something else."""
     goal: Point | None = None
-    """Where to."""
+    """Where it is brought to."""
     point: tuple[float, ...] = ()
-    """[m] a goal that the model does not have."""
+    """[m] a made-up goal, where the model has none that would do."""
     reached: float = 0.0
-    """[m]"""
+    """[m] within which the goal counts as reached."""
     doubt: str = ""
     """What speaks against the guess."""
     there: bool = False
-    """It is reached at the start."""
+    """Whether the goal is reached at the start."""
 
 
 def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thing: str = "", goal: str = "") -> Aim:
-    """The aim that a person names, else the one that the intent says, else the likeliest of the model.
+    """The aim that a person names, else the one that the intent describes, else the likeliest for the model.
 
     Args:
-        names: what the robot is called besides.
-        thing: the body, site or geom to bring to `goal`, another; empty for a guess.
+        names: further names of the robot.
+        thing: the body, site or geom to bring to another one, `goal`; either may be empty for a guess.
 
     Raises:
         TaskError: when the model has no such thing or goal, the thing does not move, or the goal moves with it.
@@ -119,7 +119,7 @@ def _run(survey: Survey) -> Aim:
 
 
 def _reach_a_point(survey: Survey, mover: Point) -> Aim:
-    """Where the median of random poses brings a part of the robot."""
+    """Bring a part of the robot to a made-up point: where the random pose of median distance takes it."""
     if survey.is_held(mover):
         return _unsaid(f"an equality of the model ties joints that carry {mover.name}, so its reach is unknown")
     start = survey.where(mover)
@@ -142,7 +142,7 @@ def _reach_a_point(survey: Survey, mover: Point) -> Aim:
 
 def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     distance = float(np.linalg.norm(survey.where(mover) - survey.where(goal)))
-    # Things that collide cannot come nearer than they are thick, nor an object nearer to a mark on what it lies on.
+    # Two colliding things stay as far apart as they are thick. So does an object from a mark on what it lies on.
     solid = bool(survey.radius(goal)) or not survey.is_robots(mover)
     thick = survey.radius(mover) + survey.radius(goal) if solid else 0.0
     reached = round(max(NEAREST, NEAR * distance, thick), 3)
@@ -168,12 +168,12 @@ def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
 
 
 def _default_mover(survey: Survey) -> Point:
-    """Of a robot that goes somewhere its base, of another the end of its longest limb."""
+    """The base of a robot that moves about, else the end of the longest limb."""
     return survey.root or _tip(survey)
 
 
 def _tip(survey: Survey) -> Point:
-    """The end of the longest limb, by what is called so: a site at it, or one of several ends."""
+    """The end of the longest limb. A name such as `gripper` decides among several ends, and for a site at that end."""
     ends = [link for link in survey.links if survey.depth(link.body) == survey.depth(survey.links[0].body)]
     link = next((link for link in ends if _TIPS & set(_words(link.name))), ends[0])
     sites = [place for place in survey.places() if place.field == "site_xpos" and place.body == link.body]
@@ -181,7 +181,7 @@ def _tip(survey: Survey) -> Point:
 
 
 def _marks(survey: Survey, mover: Point) -> list[Point]:
-    """What is called goal or target, but for the mover itself."""
+    """The places called goal or target, except those that move with the mover."""
     places = [place for place in survey.places() if survey.has_middle(place) and not survey.are_one(place, mover)]
     return [place for place in places if "goal" in _words(place.name)]
 
@@ -195,10 +195,10 @@ def _shared(one: Point, other: Point) -> int:
 
 
 class _Reader:
-    """Of a sentence like "to run forward" or "to push the red cube onto the goal", if it knows every word of it.
+    """Reads a sentence like "to run forward" or "to push the red cube onto the goal". It must know every word.
 
     Args:
-        names: what the robot is called besides the name of its base.
+        names: names of the robot besides that of its base.
     """
 
     def __init__(self, survey: Survey, intent: str, names: Iterable[str]) -> None:
@@ -258,7 +258,7 @@ class _Reader:
         return [_default_mover(survey)] if set(words) <= self.itself else []
 
     def _unknown(self, words: Sequence[str], several: Sequence[Point] = ()) -> Aim:
-        """No F: the words that were not understood, or what they may stand for."""
+        """An aim without F, which tells the words that were not understood, or what they may stand for."""
         if several:
             return _unsaid(f"it may mean {' or '.join(dict.fromkeys(place.name for place in several))}")
         names = {word for place in self.survey.places() for word in _words(place.name)}
@@ -272,18 +272,18 @@ class _Reader:
 
 
 def _falls(words: Sequence[str]) -> bool:
-    """Whether it is to fall, not to run without."""
+    """Whether the robot is to fall; in "without falling" it is not."""
     return any(word == "fall" and before != "without" for before, word in zip(["", *words], words, strict=False))
 
 
 def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[str]]:
-    """What comes before and after the first of some words; all before, where there is none."""
+    """The words before and after the first of `marks`; all of them before, where there is none."""
     place = next((i for i, word in enumerate(words) if word in marks), len(words))
     return list(words[:place]), list(words[place + 1 :])
 
 
 def _mentioned(words: Sequence[str], places: Sequence[Point]) -> list[Point]:
-    """The place that has all these words in its name; several where they fit more than one equally well."""
+    """The place with all these words in its name, colours and sizes apart; several where they fit equally well."""
     wanted = set(words)
     nouns = wanted - _LOOKS
     fits: dict[tuple[int, int], list[Point]] = {}
@@ -300,12 +300,12 @@ def _unsaid(why: str) -> Aim:
 
 
 def _words(text: str) -> list[str]:
-    """In lower case, without endings; a target is a goal."""
+    """The words of a text in lower case, without endings; `target` becomes `goal`."""
     return [_stem(word) for word in _split(text)]
 
 
 def _split(text: str) -> list[str]:
-    """Words and numbers in lower case; `leftHand` is two."""
+    """Words and numbers in lower case; `leftHand` is two words."""
     return re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower())
 
 

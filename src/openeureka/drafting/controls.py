@@ -1,4 +1,4 @@
-"""What a draft's actions of -1 and 1 are for each actuator."""
+"""The inputs that a draft's actions of -1 and 1 give each actuator."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 
 class Control(NamedTuple):
-    """Inputs of an actuator."""
+    """The inputs of an actuator for actions of -1 and 1."""
 
     low: float
     high: float
     guessed: bool = False
-    """The model does not say how far it goes."""
+    """Whether this is a guess, as the model gives no range."""
 
 
 def controls(model: mujoco.MjModel) -> list[Control]:
-    """Of each actuator: its own range, else what its joint's range or its largest force asks for, else -1 to 1."""
+    """For each actuator its own range, else that which its joint's range or its largest force implies, else -1 to 1."""
     return [_control(model, actuator) for actuator in range(model.nu)]
 
 
@@ -38,13 +38,13 @@ def _control(model: mujoco.MjModel, actuator: int) -> Control:
         low, high = model.actuator_ctrlrange[actuator].tolist()
         return Control(low, high)
     if model.actuator_dyntype[actuator] == _MUSCLE:
-        return Control(0.0, 1.0)  # MuJoCo clips what excites a muscle to this
+        return Control(0.0, 1.0)  # MuJoCo clips a muscle's excitation to this
     if not _is_direct(model, actuator):
         return Control(-1.0, 1.0, guessed=True)
     joint = driven_joint(model, actuator)
     gear, gain = float(model.actuator_gear[actuator, 0]), float(model.actuator_gainprm[actuator, 0])
     if _is_servo(model, actuator) and is_bounded(model, joint):
-        low, high = sorted((gear * model.jnt_range[joint]).tolist())  # it compares its input with the geared joint
+        low, high = sorted((gear * model.jnt_range[joint]).tolist())  # a servo compares its input to gear * joint
         return Control(low, high)
     if model.actuator_biastype[actuator] != _NO_BIAS or not gain:
         return Control(-1.0, 1.0, guessed=True)
@@ -57,7 +57,7 @@ def _control(model: mujoco.MjModel, actuator: int) -> Control:
 
 
 def servo_range(model: mujoco.MjModel, actuator: int) -> tuple[int, np.ndarray] | None:
-    """The joint that a position servo holds, and from where to where (2,) its inputs bring it; None for others."""
+    """The joint that a position servo moves, and the range (2,) of positions it can ask for; None for other kinds."""
     joint, gear = driven_joint(model, actuator), float(model.actuator_gear[actuator, 0])
     if joint < 0 or not gear or not _is_servo(model, actuator):
         return None
@@ -65,7 +65,7 @@ def servo_range(model: mujoco.MjModel, actuator: int) -> tuple[int, np.ndarray] 
 
 
 def driven_joint(model: mujoco.MjModel, actuator: int) -> int:
-    """The hinge or slide that an actuator moves by itself; -1 for none."""
+    """The hinge or slide that an actuator acts on directly; -1 for none."""
     joint = int(model.actuator_trnid[actuator, 0])
     alone = model.actuator_trntype[actuator] in ON_JOINTS
     return joint if alone and model.jnt_type[joint] in (SLIDE, HINGE) else -1
@@ -81,7 +81,7 @@ def _is_direct(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _is_servo(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether its force vanishes where the joint is what its input says."""
+    """Whether its force is zero where the joint has the position that the input asks for."""
     gain, pull = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, 1]
     affine = model.actuator_biastype[actuator] == _AFFINE and _is_direct(model, actuator)
     return bool(affine and gain > 0.0 and np.isclose(gain, -pull))

@@ -1,7 +1,7 @@
 """Drafts a task file from a MuJoCo model.
 
-What the robot is to do is guessed (`aim.py`), and the file says so where a person's own wish belongs. A sentence that
-the guess does not understand gets no F: the draft then says what to write, and can be watched but not trained.
+What the robot is to do is guessed (`aim.py`), and the file says so at the place where a person may write something
+else. A sentence that is not understood gives no F: such a draft says what to write, and can be watched but not trained.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from .table import FIELDS, StateTable, Variable, quoted
 CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""
 SECONDS = 10.0
-"""Of an episode."""
+"""[s] of an episode."""
 ABOVE = 1.25
-"""Times the height at which a robot has fallen, below which its goal asks it to be as low."""
+"""A goal lower than this many times the height of a fall asks the robot to be low: then a fall ends no episode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,13 @@ class Draft:
     text: str
     aim: Aim
     said: bool
-    """Whether a person said, in a sentence or by names, what the aim is guessed from."""
+    """Whether a person gave a sentence or names to guess the aim from."""
     guessed: tuple[str, ...] = ()
-    """Actuators of which the model does not say how far they go."""
+    """Actuators whose ranges are guessed, as the model gives none."""
 
     @property
     def line(self) -> int:
-        """Where F is computed."""
+        """The number of the line where F is computed."""
         return 1 + self.text[: self.text.index("def sparse_reward")].count("\n")
 
 
@@ -61,8 +61,8 @@ def draft(
     Args:
         path: where it will be; its name names the class.
         robot: the model, MJCF or URDF.
-        intent: the sentence that a language model will read; empty for that of the guess.
-        thing: the body, site or geom to bring to `goal`, another; empty for a guess.
+        intent: the sentence that a language model will read; empty takes the sentence of the guess.
+        thing: the body, site or geom to bring to another one, `goal`; either may be empty for a guess.
         floating: for a URDF, whether its root moves freely.
 
     Raises:
@@ -170,14 +170,14 @@ def _observed(variable: Variable) -> str:
 
 
 def _fallen(survey: Survey, aim: Aim) -> float:
-    """[m] below which an episode ends; 0 where nobody has said what is wanted, or it is wanted near the ground."""
+    """[m] height of the base below which an episode ends; 0 where there is no F, or the robot's goal is that low."""
     low = aim.goal is not None and aim.mover is not None and survey.is_robots(aim.mover)
     low = low and aim.goal is not None and survey.where(aim.goal)[2] < ABOVE * survey.fallen
     return 0.0 if aim.missing or low else survey.fallen
 
 
 def _placed(model: mujoco.MjModel) -> list[str]:
-    """Fields of MjData, beside `qpos`, that the first keyframe has otherwise than the model as drawn."""
+    """Fields of MjData besides `qpos` whose values in the first keyframe differ from those of the model as drawn."""
     drawn = mujoco.MjData(model)
     fields = ("qvel", "act", "mocap_pos", "mocap_quat")
     return [field for field in fields if not np.allclose(at_start(model, field), getattr(drawn, field))]
@@ -206,7 +206,7 @@ def _tuple(items: Sequence[str]) -> str:
 
 
 def _place(path: Path, robot: Path) -> str:
-    """Python that finds the model: beside the file where it is there or below, else where it is now."""
+    """Python for the model's path: relative to the task file if the model is in its folder or below, else absolute."""
     folder, robot = path.resolve().parent, robot.resolve()
     if robot.is_relative_to(folder):
         return f'Path(__file__).parent / "{os.path.relpath(robot, folder)}"'

@@ -20,10 +20,10 @@ def template(name: str) -> jinja2.Template:
 
 
 def declared(name: str, meaning: str, shape: tuple[int, ...], use: str) -> str:
-    """The line, or lines, of a state variable.
+    """The source line, or lines, that declare a state variable.
 
     Args:
-        meaning: with its quotes, as Python has it.
+        meaning: as a Python literal, quotes included.
         shape: of one world's value; () for a number.
         use: as in `types.StateVar`.
     """

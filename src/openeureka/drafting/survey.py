@@ -1,4 +1,4 @@
-"""What can be read off a MuJoCo model: how a robot moves, and what lies about."""
+"""What can be read off a MuJoCo model: how its robot moves, and which loose objects there are."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from ..tasks.start import at_start, depths, home
 from .controls import controls, is_bounded, servo_range
 
 FALLEN = 0.6
-"""Share of the height at which it comes to stand, below which a robot has fallen."""
+"""A robot has fallen when its base is below this share of its standing height."""
 SETTLED = 1.0
-"""[s] in which a robot that is drawn above the ground comes to stand on it."""
+"""[s] within which a robot that is drawn above the ground lands on it."""
 MOST_LINKS = 8
-"""Ends of limbs whose positions are state."""
+"""Ends of limbs, at most, whose positions are state variables."""
 _SHAPELESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 
 
@@ -47,7 +47,7 @@ class Point:
     """MuJoCo's field that holds where it is: `xpos`, `xipos`, `site_xpos` or `geom_xpos`."""
     index: int
     body: int
-    """That it is a part of; 0 is the world."""
+    """The body that it is a part of; 0 is the world."""
 
     @property
     def kind(self) -> str:
@@ -56,10 +56,10 @@ class Point:
 
 
 class Survey:
-    """Of one model in its home pose.
+    """The robot and the objects of one model in its home pose.
 
     Raises:
-        TaskError: when nothing that a task could be about moves.
+        TaskError: when nothing moves that a task could be about.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -81,23 +81,23 @@ class Survey:
 
     @property
     def up(self) -> tuple[float, ...]:
-        """The world's z at the start, in the frame of the base."""
+        """The world's z axis in the frame of the base, at the start."""
         assert self.base is not None
         return tuple((self._data.xmat[self.base].reshape(3, 3)[2].round(4) + 0.0).tolist())
 
     @cached_property
     def fallen(self) -> float:
-        """[m] height of the base below which a robot has fallen; 0 for one that cannot."""
+        """[m] height of the base below which a robot has fallen; 0 for one that cannot fall."""
         height = self._standing() if self.base is not None and self.rises else 0.0
         return round(FALLEN * height, 3) if height > 0.05 else 0.0
 
     def _standing(self) -> float:
-        """[m] of the base where the robot first touches the ground under actions of 0: models are drawn above it."""
+        """[m] height of the base when the robot, drawn above the ground, first touches it under actions of 0."""
         assert self.base is not None
         model, data = self.model, mujoco.MjData(self.model)
         data.qpos[:] = self._home
         data.ctrl[:] = [(control.low + control.high) / 2.0 for control in controls(model)]
-        for _ in range(math.ceil(SETTLED / model.opt.timestep)):  # time itself starts anew where physics breaks down
+        for _ in range(math.ceil(SETTLED / model.opt.timestep)):  # MuJoCo resets `data.time` where physics diverges
             mujoco.mj_step1(model, data)
             if depths(model, data, self.base):
                 return min(self.height, float(data.xpos[self.base, 2]))
@@ -106,7 +106,7 @@ class Survey:
 
     @property
     def height(self) -> float:
-        """[m] of the base at the start."""
+        """[m] height of the base at the start."""
         assert self.base is not None
         return float(self._data.xpos[self.base, 2])
 
@@ -117,7 +117,7 @@ class Survey:
 
     @property
     def has_ground(self) -> bool:
-        """Whether anything that stands fixed can be stood on, or nothing pulls down."""
+        """Whether a fixed geom collides, so that it may be stood on, or gravity does not pull down."""
         model = self.model
         fixed = model.body_weldid[model.geom_bodyid] == 0
         stands = bool((fixed & ((model.geom_contype | model.geom_conaffinity) != 0)).any())
@@ -125,7 +125,7 @@ class Survey:
 
     @property
     def can_stand(self) -> bool:
-        """Whether the robot collides with anything that stands fixed, or nothing pulls down."""
+        """Whether the robot collides with a fixed geom, the model has contact pairs, or gravity does not pull down."""
         model = self.model
         fixed = model.body_weldid[model.geom_bodyid] == 0
         own = np.zeros_like(fixed) if self.base is None else model.body_rootid[model.geom_bodyid] == self.base
@@ -135,7 +135,7 @@ class Survey:
 
     @property
     def root(self) -> Point | None:
-        """What runs."""
+        """The base as a point; None for a robot that stands fixed."""
         return None if self.base is None else self._body(self.base)
 
     def places(self) -> list[Point]:
@@ -150,20 +150,20 @@ class Survey:
         return [place for place in found if name_of(model, place.kind, place.index)]
 
     def has_middle(self, place: Point) -> bool:
-        """Whether being near its position means something: a plane or a height field is near everywhere."""
+        """Whether a distance to its position means something: a plane or a height field is everywhere."""
         return place.kind != "GEOM" or int(self.model.geom_type[place.index]) not in _SHAPELESS
 
     def is_held(self, place: Point) -> bool:
-        """Whether an equality holds joints together that carry it, so that it does not go where they would bring it."""
+        """Whether an equality ties joints that carry it, so that their positions alone do not say where it goes."""
         return bool(carrying(self.model, place.body) & looped(self.model))
 
     def moves(self, place: Point) -> bool:
-        """Whether physics does: a mocap body stays where it is put."""
+        """Whether physics moves it: a mocap body stays where it is put."""
         whole = self.model.body_weldid[place.body]
         return bool(whole) and bool(self.model.body_mocapid[whole] < 0)
 
     def are_one(self, place: Point, other: Point) -> bool:
-        """Whether nothing can move between both."""
+        """Whether the two cannot move relative to each other."""
         return bool(self.model.body_weldid[place.body] == self.model.body_weldid[other.body])
 
     def is_robots(self, place: Point) -> bool:
@@ -171,11 +171,11 @@ class Survey:
         return self.moves(place) and int(self.model.body_treeid[place.body]) in driven_trees(self.model)
 
     def where(self, place: Point) -> np.ndarray:
-        """(3,) at the start [m]."""
+        """(3,) position at the start [m]."""
         return getattr(self._data, place.field)[place.index].copy()
 
     def reach(self, place: Point, poses: int) -> np.ndarray:
-        """(poses, 3) where random positions of the driven joints bring a part of the robot [m]."""
+        """(poses, 3) positions [m] of a part of the robot, for random positions of the driven joints."""
         random, pose, found = np.random.default_rng(0), self._home.copy(), []
         ranges = self._ranges()
         for _ in range(poses):
@@ -189,7 +189,7 @@ class Survey:
         return np.array(found)
 
     def _ranges(self) -> dict[int, np.ndarray]:
-        """From where to where (2,) actions bring each driven hinge and slide; without any range -1 to 1, a guess."""
+        """The range (2,) in which actions move each driven hinge and slide; a guessed -1 to 1 where there is none."""
         model, ranges = self.model, dict[int, np.ndarray]()
         for joint in self._driven:
             if model.jnt_type[joint] in (SLIDE, HINGE):
@@ -201,7 +201,7 @@ class Survey:
         return ranges
 
     def radius(self, place: Point) -> float:
-        """[m] around the place that what collides of it fills; 0 for a mere mark."""
+        """[m] around the place that its colliding geoms fill; 0 for a mere mark."""
         if place.field == "site_xpos":
             return 0.0
         model = self.model
@@ -213,7 +213,7 @@ class Survey:
         return max(around, default=0.0)
 
     def _ends(self) -> list[int]:
-        """Ends of the limbs, those behind most driven joints first."""
+        """Ends of the limbs, those with the most driven joints before them first."""
         model, parents = self.model, set(self.model.body_parentid[1:].tolist())
         behind = {body: self.depth(body) for body in range(1, model.nbody) if body not in parents}
         ends = [body for body, count in behind.items() if count]
@@ -228,7 +228,7 @@ class Survey:
         return count
 
     def _objects(self) -> list[Point]:
-        """What lies or slides about: bodies on a free or sliding joint that no actuator moves."""
+        """Loose objects: bodies on a free or sliding joint that no actuator moves."""
         model, driven, found = self.model, driven_trees(self.model), []
         for body in range(1, model.nbody):
             kinds = {int(model.jnt_type[joint]) for joint in own_joints(model, body)}

@@ -1,6 +1,6 @@
 """The state table of a drafted task, and Python that computes it.
 
-What the model names is found by its name when the task starts, so that the file means the same once the model is
+What has a name in the model is found by that name when the task starts, so that the file stays right when the model is
 edited.
 """
 
@@ -21,14 +21,14 @@ _OF_BODIES = ("pos", "quat", "linvel", "angvel")
 _OF_DRAFTS = ("obs_buf", "joint_pos", "joint_vel", "goal_pos", "actions", "num_envs")
 _OF_RUNNERS = ("forward_speed", "height", "upright")
 FIELDS = ("xpos", "xquat", "xipos", "site_xpos", "geom_xpos", "sensordata")
-"""Of MjData, which the values of variables may read."""
+"""Fields of MjData that the values of variables may read."""
 _ATTRIBUTES = (
     *("sim", "noise", "num_envs", "device", "progress", "distance"),
     *("qpos", "qvel", "ctrl", "act", "mocap_pos", "mocap_quat", *FIELDS),
     *("home", "sway", "middle", "half", "up", "joints", "dofs"),
     *(f"{field}_at_start" for field in ("qvel", "act", "mocap_pos", "mocap_quat")),
 )
-"""Of a drafted task, beside those of variables and of every task."""
+"""Attributes of a drafted task, besides those of its variables and those of every task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +37,20 @@ class Variable:
 
     name: str
     value: str
-    """Python for it, (N, size), or (N,) where size is 0."""
+    """Python that computes it, (N, size), or (N,) where size is 0."""
     meaning: str
-    """May hold Python in braces."""
+    """In words; may hold Python in braces, as an f-string."""
     size: int = 0
     use: StateUse = "raw"
     seen: Sequence[int] = ()
-    """The numbers of it that the policy observes."""
+    """The columns of it that the policy observes."""
 
 
 class StateTable:
-    """Of a task about what a survey has found.
+    """The state table of a task about what a survey has found.
 
     Attributes:
-        lines: of `__init__`, which find what the values of variables name; `names` is a `tasks.names.Names`.
+        lines: of `__init__`; they set what the values of variables refer to. `names` there is a `tasks.names.Names`.
     """
 
     def __init__(self, survey: Survey) -> None:
@@ -64,15 +64,15 @@ class StateTable:
             self._beginning("BODY", link.body)
 
     def variable(self, place: Point) -> str:
-        """The name of the state variable that says where it is."""
+        """The name of the state variable that holds a place's position."""
         return f"{self._beginning(place.kind, place.index)}_pos"
 
     def value(self, place: Point) -> str:
-        """Python for where it is, (N, 3)."""
+        """Python for a place's position, (N, 3)."""
         return f"self.{place.field}[:, self.{self._index(place.kind, place.index)}].clone()"
 
     def variables(self, mover: Point | None = None, hand: Point | None = None) -> Iterator[Variable]:
-        """Those of the table, with the position of `mover`, what a task is about, observed, and that of `hand`."""
+        """The variables, with the positions of `hand` and of `mover`, which the task is about and the policy sees."""
         told, known = self.variable(mover) if mover else "", set[str]()
         for variable in self._all():
             yield replace(variable, seen=range(variable.size)) if variable.name == told else variable
@@ -83,7 +83,7 @@ class StateTable:
 
     @property
     def joints(self) -> list[str]:
-        """Hinges and slides, as the model calls them; by number where it does not."""
+        """Names of hinges and slides; those that the model gives no name are numbered."""
         return [name_of(self.model, "JOINT", j) or named(self.model, "JOINT", j) for j in scalar_joints(self.model)]
 
     def _all(self) -> Iterator[Variable]:
@@ -122,7 +122,7 @@ class StateTable:
             )
 
     def _carried(self, body: int) -> Iterator[Variable]:
-        """How fast, high and upright a robot is that runs."""
+        """Speed, height and uprightness of a robot that moves about."""
         called, index = named(self.model, "BODY", body), self._index("BODY", body)
         dof = along_x(self.model, body)
         joint = int(self.model.dof_jntid[dof])
@@ -170,7 +170,7 @@ class StateTable:
         return bool(carries and self.model.jnt_type[joint] == SLIDE and level)
 
     def _floating(self) -> Iterator[Variable]:
-        """Bodies that move freely, the robot or what it handles, and joints like a shoulder's."""
+        """Free bodies, which are the robot or what it handles, and ball joints."""
         for joint in range(self.model.njnt):
             body = int(self.model.jnt_bodyid[joint])
             if self.model.jnt_type[joint] == FREE:
@@ -231,12 +231,12 @@ class StateTable:
     def _found(
         self, kind: str, index: int, method: str, numbers: Sequence[str], endings: Sequence[str]
     ) -> tuple[str, ...]:
-        """Attributes of the task by which it finds something, set in a line of `__init__`.
+        """Attributes of the task that hold where something is in MuJoCo's fields; a line of `__init__` sets them.
 
         Args:
-            method: of `Names`, that finds it.
-            numbers: Python for what that gives, for want of a name.
-            endings: of the attributes.
+            method: the method of `Names` that finds it.
+            numbers: Python for the numbers that this method gives, used where the model has no name for it.
+            endings: of the attributes' names.
         """
         key = f"{kind} {method}", index
         if key not in self._attributes:
@@ -251,7 +251,7 @@ class StateTable:
         return self._attributes[key]
 
     def _beginning(self, kind: str, index: int) -> str:
-        """Of the variable names of a `BODY`, `JOINT`, `SITE` or `GEOM`, which nothing else has."""
+        """The beginning of the names of variables of a `BODY`, `JOINT`, `SITE` or `GEOM`, which nothing else has."""
         if (kind, index) not in self._names:
             name = identifier(named(self.model, kind, index))
             while self._taken & {f"{name}_{part}" for part in _OF_BODIES}:
@@ -268,5 +268,5 @@ class StateTable:
 
 
 def quoted(name: str) -> str:
-    """Python for a name, whatever marks it has."""
+    """A name as a Python literal, whatever characters it has."""
     return json.dumps(name, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""The body of a chat completion, read as if anyone might have sent it: pure, and total over all bytes."""
+"""The body of a chat completion, parsed without trusting its sender: any bytes give a completion or `Unreadable`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _OTHER_FORMS = {
     "event:": "it streams its answers, which nobody asked for: switch that off there",
     "<": "its answer is a web page",
 }
-"""What an answer is, by how it begins."""
+"""What an answer is that is no JSON, by how it begins."""
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
-"""Reasons to finish a text before its end. Others are taken for good: each endpoint has words of its own for that."""
+"""Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Completion:
 
 
 class Unreadable(Exception):
-    """No completion. `broken` tells an answer that was damaged or an error, which may pass, from another protocol."""
+    """There is no completion. `broken`: the answer is damaged or an error, which may pass; else, another protocol."""
 
     def __init__(self, reason: str, *, broken: bool) -> None:
         super().__init__(reason)
@@ -49,18 +49,18 @@ class Unreadable(Exception):
 
 
 def read(body: bytes) -> Completion:
-    """The completion that a body holds; what is missing or of the wrong type in it is empty, or zero.
+    """The completion that a body holds; fields that are missing or of a wrong type become empty, or zero.
 
-    Bytes that are not of the encoding that JSON has become replacement characters: a reply is mostly readable then.
+    Bytes that are invalid in the body's encoding become replacement characters: most of a reply is still readable.
 
     Raises:
         Unreadable: when there is none.
     """
     data = _object(body)
     choices, error = data.get("choices"), data.get("error")
-    if error and not choices:  # some endpoints say so with status 200
+    if error and not choices:  # some endpoints send errors with status 200
         said = str(_mapping(error).get("message", error))
-        # What LM Studio says to an address without /v1 does not pass.
+        # LM Studio says this to an address without /v1, which another try does not mend.
         raise Unreadable(said, broken="unexpected endpoint" not in said.lower())
     if not isinstance(choices, list):
         raise Unreadable("an answer without choices", broken=False)
@@ -71,7 +71,7 @@ def read(body: bytes) -> Completion:
         choices=tuple(map(_choice, choices)),
         model=model if isinstance(model, str) else "",
         prompt_tokens=asked,
-        # Gemini and xAI count thoughts, which are paid for, in the total alone.
+        # Gemini and xAI count the tokens of thoughts, which cost money too, only in the total.
         completion_tokens=max(answered, total - asked) if asked else answered,
     )
 
@@ -84,7 +84,7 @@ def _object(body: bytes) -> Mapping[str, Any]:
         for beginning, reason in _OTHER_FORMS.items():
             if text.startswith(beginning):
                 raise Unreadable(reason, broken=False) from None
-        # What begins like an object and is none was cut off or damaged on the way.
+        # An answer that begins like an object and is none was cut off or damaged on the way.
         broken = not text or text.startswith("{")
         reason = "an answer that breaks off" if broken else "an answer of another form"
         raise Unreadable(reason, broken=broken) from None
@@ -108,7 +108,7 @@ def _text(content: object) -> str:
 
 
 def _called(calls: object) -> str:
-    """What a model said to tools that nobody offered it: a program, as often as not."""
+    """The arguments of tool calls: models make them though no tools are offered, often with the program inside."""
     functions = [_mapping(_mapping(call).get("function")) for call in calls] if isinstance(calls, list) else []
     return "\n".join(filter(None, (_text(function.get("arguments")) for function in functions)))
 

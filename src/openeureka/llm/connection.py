@@ -25,7 +25,7 @@ def api_key(base_url: str) -> str:
     """The key of the environment, or a word for a server that needs none.
 
     Raises:
-        ModelError: no key where one is needed, or what is none.
+        ModelError: no key where one is needed, or a value that cannot be a key.
     """
     key = os.environ.get("OPENAI_API_KEY", "").strip()
     if not key and not base_url:
@@ -39,10 +39,10 @@ def api_key(base_url: str) -> str:
 
 
 def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
-    """A client that gives up after `silence` [s] without a sign of life.
+    """A client that gives up after `silence` [s] without receiving anything.
 
-    Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
-    person's: the package would send prompts wherever the endpoint points to.
+    The package's own retries are off: they do not tell an exhausted quota from a busy endpoint. Its redirects are off:
+    it would send prompts wherever the endpoint points, and a person is to decide that.
 
     Raises:
         ConfigError: an address, a proxy or certificates that cannot be used.
@@ -58,15 +58,15 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
             f"The certificates that SSL_CERT_FILE or SSL_CERT_DIR names cannot be read ({error.strerror or error}); "
             "correct the path or unset it."
         ) from None
-    except (ValueError, httpx2.InvalidURL):  # whose texts may hold a password
+    except (ValueError, httpx2.InvalidURL):  # their texts may hold a password
         raise ConfigError(
             "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
         ) from None
     timeout = httpx2.Timeout(silence, connect=CONNECT)
     try:
-        address = base_url or OPENAI  # the package takes an OPENAI_BASE_URL that is empty for one
+        address = base_url or OPENAI  # given none, the package would take even an empty OPENAI_BASE_URL
         made = openai.OpenAI(api_key=key, base_url=address, max_retries=0, timeout=timeout, http_client=http)
-        made.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
+        made.base_url.raw_host.decode().encode("idna")  # else a socket would fail at it in the middle of a request
     except (httpx2.InvalidURL, UnicodeError):
         raise ConfigError(
             "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
@@ -84,7 +84,7 @@ def shown(url: str) -> str:
 
 
 def base_of(asked: str, location: str) -> str:
-    """What base_url= would be for the address that a redirect of `asked` names, as it may be shown."""
+    """The base_url= that leads where a redirect of `asked` points to, without passwords and keys."""
     try:
         target = urljoin(asked, location)
     except ValueError:
@@ -93,12 +93,12 @@ def base_of(asked: str, location: str) -> str:
 
 
 def detour(url: str) -> str:
-    """A sentence on the proxy that stands before the address, as the environment has it; empty where none does."""
+    """A sentence that names the proxy which the environment sets for an address; empty where it sets none."""
     parts, proxies = urlsplit(url), getproxies()
     proxy = proxies.get(parts.scheme) or proxies.get("all")
     if not (proxy and parts.hostname) or proxy_bypass(parts.hostname):
         return ""
-    proxy = shown(proxy if "://" in proxy else f"http://{proxy}")  # else its password would not be known for one
+    proxy = shown(proxy if "://" in proxy else f"http://{proxy}")  # `shown` finds no password without a scheme
     return f" Requests go through the proxy {proxy}; NO_PROXY={parts.hostname} goes around it."
 
 

@@ -122,7 +122,7 @@ def _reachable(grammar: Grammar) -> set[str]:
 def derive(grammar: Grammar, random: Random, rule: str = "root") -> str:
     """A random string of a rule: every alternative and every count is equally likely.
 
-    Repeated characters are words for a reader; random ones say nothing, so they are drawn at their shortest.
+    Repeated characters spell words for a reader. Random ones say nothing, so they are drawn as short as allowed.
     """
     return "".join(_expand(grammar, random, item) for item in random.choice(grammar[rule]))
 

@@ -1,7 +1,7 @@
 """The typed grammar of a task: every reward program that the embedded model can write for it.
 
-A small model loses itself in names, shapes and signs. The grammar takes these away: names, columns and equal sizes come
-from the state table, signs from `StateVar.use`. What is left to the model is what to reward, and how much.
+A small model makes mistakes in names, shapes and signs. The grammar leaves it no choice there: names, columns and equal
+sizes come from the state table, signs from `StateVar.use`. The model decides what to reward, and how much.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from . import gbnf
 _MAX_COLUMNS = 4
 """Vectors up to this size are offered by column: beyond it, a column number means nothing to a reader."""
 _LOCALS: tuple[str, ...] = ("x", "reward", "components")
-"""What the programs of `reward.gbnf` bind."""
+"""Local variables in the programs of `reward.gbnf`."""
 
 
 def offered(spec: StateSpec) -> tuple[StateVar, ...]:
@@ -56,7 +56,7 @@ def grammar(spec: StateSpec, *, progress: bool = False) -> str:
 
 
 def _locals(variables: tuple[StateVar, ...]) -> dict[str, str]:
-    """What each of `_LOCALS` is called: a variable of the task that has its name would be lost when it is bound."""
+    """The name that each of `_LOCALS` has in programs: with a `_` where it would overwrite a variable of the task."""
     taken = {variable.name for variable in variables}
     found = {name: name for name in _LOCALS}
     for name in _LOCALS:

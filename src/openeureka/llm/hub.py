@@ -23,7 +23,7 @@ def endpoint() -> str:
 def fetch(name: str, folder: Path | None = None) -> Path:
     """The file `OWNER/REPO/FILE.gguf` of a hub, downloaded once into the cache.
 
-    Its sha256 is what the hub says of it, or the `@SHA256` at the end of the name, which then must hold.
+    Its sha256 must be the `@SHA256` at the end of the name, else the one that the hub states.
 
     Raises:
         ConfigError: the name has another form.
@@ -63,12 +63,12 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
         raise ModelError("A model hub needs a library; pip install 'openeureka[local]'.") from None
     import httpx2
 
-    disable_progress_bars()  # what a search shows is drawn at the same place
+    disable_progress_bars()  # they would be drawn over what a search shows
     try:
         url = huggingface_hub.hf_hub_url(repo, file, endpoint=endpoint())
     except HFValidationError:
         raise _misnamed(f"{repo}/{file}") from None
-    # Not beside the target: the library keeps files of its own there.
+    # Not the target's folder: the library leaves other files where it downloads to.
     scratch = target.with_name(target.name + ".download")
     shutil.rmtree(scratch, ignore_errors=True)
     try:

@@ -14,11 +14,11 @@ from ..types import Message, Prompt, Reply, Usage
 from ..worker import Worker
 
 MAX_TOKENS = 900
-"""Of one answer; programs of three to five terms have 170 to 200."""
+"""Tokens of one answer; programs of three to five terms have 170 to 200."""
 MAX_BATCH = 16
 """Samples decoded at once: beyond this, memory grows and the speed of two cores does not."""
 SAMPLING = {"min_p": 0.1, "top_k": 0, "top_p": 1.0}
-"""At temperature 1 a 4-bit model needs min-p to stay on the path; the others would cut diversity for nothing."""
+"""At temperature 1 a 4-bit model needs min-p to stay coherent. top-k and top-p are off: they only cost diversity."""
 
 _SERVER = "openeureka.llm.local_server"
 _CHARS_PER_TOKEN = 3.0  # prompts of this package have about 4: a margin, so that none overflows its context
@@ -44,7 +44,7 @@ class LocalModel:
         self._capacity = (0, 0)
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
-        """Yield n replies, as many at once as are decoded together."""
+        """Yield n replies, in batches that are decoded together."""
         text = chatml(prompt.messages, prompt.prefill)
         for first in range(0, n, MAX_BATCH):
             count = min(MAX_BATCH, n - first)
@@ -84,7 +84,7 @@ class LocalModel:
             return self._worker
         self.close()
         arguments = (str(self._weights()), str(parallel), str(context), str(self._threads))
-        # ggml's threads spin at their barriers unless told not to, and then fight with every other process.
+        # By default ggml's threads spin at their barriers, and take the cores from other processes.
         self._worker = Worker(_SERVER, args=arguments, env={**os.environ, "GOMP_SPINCOUNT": "0"})
         self._capacity = (parallel, context)
         self._receive(self._worker, _LOAD_SECONDS)
@@ -132,14 +132,14 @@ def expect_engine() -> None:
 def chatml(messages: Sequence[Message], prefill: str) -> str:
     """The conversation in the format Qwen models were trained on, ending within the assistant's answer.
 
-    Written by hand because an answer that is already begun cannot be said through a chat interface.
+    Written by hand because a chat interface takes no answer that is already begun.
     """
     turns = "".join(f"<|im_start|>{message.role}\n{_inert(message.content)}<|im_end|>\n" for message in messages)
     return f"{turns}<|im_start|>assistant\n{prefill}"
 
 
 def _inert(text: str) -> str:
-    """Text in which no marker of the format can be forged."""
+    """The text with markers of the format broken up, so that it cannot forge one."""
     return text.replace("<|", "< |")
 
 

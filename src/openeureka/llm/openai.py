@@ -20,32 +20,32 @@ from .completion import Completion, Unreadable
 from .price import CHARACTERS, Price
 
 ATTEMPTS = 7
-"""Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
+"""Tries of one request. The waits between them add up to about a minute, unless the endpoint asks for others."""
 SILENCES = 2
-"""Tries that may end without an answer: each may be billed, and brings nothing that could be counted."""
+"""Tries of one request that may time out: each may be billed, although there are no tokens to count."""
 ROUNDS = 3
-"""Times that empty or truncated replies are asked for again."""
+"""Times that a reply is asked for while it comes back empty or truncated, the first included."""
 PARALLEL = 8
 TIMEOUT = 600.0
-"""[s] for a sign of life. Answers are not streamed: many of a model that thinks may take minutes to the first byte."""
+"""[s] to wait for bytes. Answers are not streamed: those of a reasoning model may take minutes to the first byte."""
 PATIENCE = 900.0
-"""[s] for an answer in all: some endpoints send blanks for as long as a request is queued."""
+"""[s] for a whole answer: some endpoints send blanks while a request waits in their queue."""
 MAX_BODY = 64 << 20
-"""Bytes of an answer."""
+"""Bytes that an answer may have."""
 
 _PASSING = {408, 409, 425, 429}
-"""Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
+"""Client errors that may pass: timeout, conflict, too early, too many requests (RFC 9110, RFC 8470, RFC 6585)."""
 _MAY_REFUSE = {500, 501}
-"""llama.cpp says with 500 that it gives one answer a request, and what the template of a model does not know."""
+"""Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
 _REFUSED = "{where} refuses the request ({said}); mend that, then go on."
 _REFUSALS = {
-    # What is said of a key may quote a part of it.
+    # Without {said}: the endpoint may quote a part of the key.
     401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.",
     403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
     404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
 }
 _SHORTEST_SECRET = 8
-"""Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
+"""Characters from which on a key is hidden in texts; keys for servers that need none are words such as `ollama`."""
 _log = logging.getLogger(__name__)
 
 _Answered = tuple[Reply, bool]
@@ -53,24 +53,24 @@ _Answered = tuple[Reply, bool]
 
 
 class _Manner(NamedTuple):
-    """What requests hold besides the model and the words, until it is refused."""
+    """What requests hold besides the model and the messages, until the endpoint refuses it."""
 
     temperature: float | None
     system: bool = True
-    """Whether the first message has a role of its own."""
+    """Whether the first message may have the role `system`."""
 
 
 class EndpointModel:
-    """Samples by one request where the endpoint knows `n`, by parallel requests where it does not.
+    """Samples with one request where the endpoint knows `n`, else with parallel requests.
 
-    The key comes from the environment variable OPENAI_API_KEY, goes to that endpoint alone and is never kept: it is
-    taken out of replies and messages, should the endpoint say it back.
+    The key comes from the environment variable OPENAI_API_KEY, goes to this endpoint alone and is never stored. If the
+    endpoint repeats it, it is removed from replies and messages.
 
     Args:
         name: of the model, as the endpoint knows it.
         base_url: of the endpoint; empty means OpenAI's.
         price: None where it is not known; costs then count as zero.
-        wait: sleeps between tries, where tests want none; else a sleep that ends when nobody waits for the answer.
+        wait: sleeps between tries, for tests; without it, the sleep ends early when nobody waits for the answer.
 
     Raises:
         ModelError: no key.
@@ -111,14 +111,14 @@ class EndpointModel:
         for last in (*[False] * (ROUNDS - 1), True):
             try:
                 for reply, whole in self._round(prompt, missing):
-                    if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
+                    if whole or last:  # half a reply may cost a slot, further rounds could cost the run
                         self._warn_of_cuts(reply, whole)
                         yield replace(reply, usage=reply.usage + wasted)
                         missing, wasted = missing - 1, Usage()
                     else:
                         wasted, half = wasted + reply.usage, reply
             except (ModelError, KeyboardInterrupt):
-                if half is not None and wasted != Usage():  # what is paid for must be kept, or max_cost does not hold
+                if half is not None and wasted != Usage():  # max_cost counts only what replies carry
                     yield replace(half, usage=wasted)
                 raise
             if not missing:
@@ -145,16 +145,16 @@ class EndpointModel:
         failure: BaseException | None = None
         for answer in self._side_by_side(prompt, count):
             if isinstance(answer, BaseException):
-                failure = answer  # raised when all that were paid for are handed over
+                failure = answer  # raised once the replies that are paid for have been handed over
             else:
                 yield from answer
         if failure is not None:
             raise failure
 
     def _side_by_side(self, prompt: Prompt, count: int) -> Iterator[list[_Answered] | BaseException]:
-        """What comes of `count` requests, in any order. Whoever stops listening sends no more.
+        """The outcomes of `count` parallel requests, in any order. When the caller stops iterating, no more are sent.
 
-        The threads are daemons, as an exit would wait for those of a pool: minutes, where one is asked or tried again.
+        The threads are daemons: a process that exits would wait for those of a pool, for minutes during a request.
         """
         answers: SimpleQueue[list[_Answered] | BaseException] = SimpleQueue()
         waiting, gone = Semaphore(count), Event()
@@ -175,7 +175,7 @@ class EndpointModel:
             gone.set()
 
     def _call(self, prompt: Prompt, n: int, gone: Event) -> list[_Answered]:
-        """One request, tried again while that makes sense and nobody is `gone`."""
+        """One request, tried again while that may help and `gone` is not set."""
         wait, silences = self._wait or gone.wait, 0
         for attempt in range(ATTEMPTS):
             if gone.is_set():
@@ -200,7 +200,7 @@ class EndpointModel:
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
 
     def _post(self, prompt: Prompt, n: int, manner: _Manner) -> bytes:
-        """The body of the answer. Raises openai.APIError, or Unreadable for one without end."""
+        """The body of the answer. Raises openai.APIError, or Unreadable for one of more than MAX_BODY bytes."""
         until = time.monotonic() + PATIENCE
         body = bytearray()
         create = self._client.chat.completions.with_streaming_response.create
@@ -213,7 +213,7 @@ class EndpointModel:
                         raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
                     if time.monotonic() > until:
                         raise openai.APITimeoutError(request=response.http_request)
-        except httpx2.HTTPError as error:  # while a body is read, that of an error too; before, the package tells it
+        except httpx2.HTTPError as error:  # while a body is read, also an error's; the package converts earlier ones
             self._reached = True
             kind = openai.APITimeoutError if isinstance(error, httpx2.TimeoutException) else openai.APIConnectionError
             raise kind(request=error.request) from None
@@ -230,10 +230,10 @@ class EndpointModel:
         return arguments if n == 1 else {**arguments, "n": n}
 
     def _adapted(self, error: openai.APIError, n: int, manner: _Manner, attempt: int) -> bool:
-        """Whether the request, made in this manner, will be another one next time.
+        """Whether the next try will be made in another manner than this refused one.
 
         Raises:
-            _BatchRefused: to have it split.
+            _BatchRefused: when each reply is to be asked for by itself.
         """
         refused = isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError)
         if not refused and not (isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE):
@@ -248,7 +248,7 @@ class EndpointModel:
             self._manner = self._manner._replace(system=False)  # templates of Gemma and Mistral have no such role
             return True
         if n > 1 and (refused or attempt):
-            # Whatever else is wrong will show with n = 1. What speaks of trouble, twice, may as well be in trouble.
+            # Any other fault will show with n = 1. After two server errors `n` may still be known: it stays in use.
             self._knows_n = not refused
             raise _BatchRefused
         return False
@@ -283,7 +283,7 @@ class EndpointModel:
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
         refused = sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300])
-        return ModelError(refused + self._detour * (error.status_code == 403))  # as proxies answer for what is local
+        return ModelError(refused + self._detour * (error.status_code == 403))  # proxies send it for local addresses
 
     def _unreadable(self, error: Unreadable) -> ModelError:
         if error.broken:
@@ -323,7 +323,7 @@ class EndpointModel:
         return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
 
     def _guessed(self, prompt: Prompt | None, text: str) -> Usage:
-        """Of an endpoint that counts no tokens: none, at the price of about so many as the texts have."""
+        """Usage where the endpoint counts no tokens: none of them, and costs guessed from the length of the texts."""
         if self._price is not None and not self._guesses:
             self._guesses = True
             _log.warning("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
@@ -332,7 +332,7 @@ class EndpointModel:
 
 
 def _share(total: int, count: int, index: int) -> int:
-    """The index-th of `count` nearly equal parts of a number of tokens that is known only for all replies together."""
+    """The index-th of `count` nearly equal parts of `total`: endpoints count the tokens of all replies together."""
     return total // count + (index < total % count)
 
 
@@ -341,7 +341,7 @@ class _BatchRefused(Exception):
 
 
 def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
-    """The same words, the first of them said by the user."""
+    """The messages with that of the system put in front of the next one."""
     first, *rest = messages
     if first.role != "system" or not rest:
         return messages
@@ -350,20 +350,21 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
 
 
 def _is_silence(error: openai.APIError) -> bool:
-    """Whether a request went out, as far as can be known, and no answer came in time."""
+    """Whether the request was sent, as far as can be known, and no answer came in time."""
     return isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout)
 
 
 def _said(error: openai.APIError) -> str:
-    """What the endpoint says. The package reads OpenAI's own form alone; others send a text, or a mapping with `detail`
-    or a text as `error`; FastAPI lists mistakes, each with what was sent, which would tell of a temperature in vain."""
+    """What the endpoint says of an error. The package reads only OpenAI's own form. Other endpoints send a text, or a
+    mapping with a text as `detail` or `error`. FastAPI lists mistakes and quotes the request with each; the quotes are
+    left out, as `_adapted` looks for words such as "temperature"."""
     body = error.body
     if isinstance(body, Mapping):
         body = next((body[key] for key in ("message", "detail", "error") if body.get(key)), "")
     if isinstance(body, list):
         body = "; ".join(f"{part.get('loc')}: {part.get('msg')}" for part in body if isinstance(part, Mapping))
     words = " ".join(body.split()) if isinstance(body, str) else ""
-    known = not words or words.startswith("<") or words in error.message  # a page is for browsers
+    known = not words or words.startswith("<") or words in error.message  # `<` begins a web page
     return error.message if known else f"{error.message} - {words}"
 
 

@@ -12,9 +12,9 @@ from ..errors import BudgetError, ConfigError
 from ..types import Prompt, Reply
 
 _FIRST_GUESS = 1500
-"""Tokens of a reply, before the first one is in."""
+"""Tokens that a reply is expected to have before the first one has come."""
 CHARACTERS = 4
-"""Of a token, about."""
+"""Characters of a token, roughly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +42,14 @@ def find(model: str, stated: str = "") -> Price | None:
 
 
 def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: Prompt, count: int) -> None:
-    """Stop before `count` replies to a prompt that are expected to pass the limit.
+    """Stop before asking for `count` replies that are expected to exceed the limit.
 
-    A reply is expected to cost what those did in the mean that cost something. Before the first of these it is guessed
-    from the price, if that is known.
+    A reply is expected to cost the mean of those so far that cost anything. Before the first of these, its cost is
+    guessed from the price, if that is known.
 
     Args:
-        limit: US dollars, in all.
-        replies: every one that the run has.
+        limit: US dollars for the whole run.
+        replies: all that the run has.
 
     Raises:
         BudgetError: with what is spent and what the replies would cost.

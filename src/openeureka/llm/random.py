@@ -14,17 +14,17 @@ from . import gbnf
 _TRIES = 100
 _TERM = re.compile(r'    # .*\n(    x_* = (.+)\n    reward_* = .+\n    components_*)\["\w+"\] = (x_*)\n')
 _MARK = re.compile(r'    # .*\n(    components_*)\["progress_\w+"\] = (.+)\n')
-"""Where a variable of the task is called `x`, the local is `x_`: see `grammar`."""
+"""The local variable `x` is called `x_` where the task has a variable `x`: see `grammar`."""
 _VARIABLE = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?:\[:, (\d+)\])?(?!\s*=)")
 _FORMS = {"torch.exp(": "close", " > ": "above", " < ": "below", "torch.clamp(": "bounded"}
 MAX_NAME = 48
 
 
 class RandomModel:
-    """Draws strings of the prompt's grammar and reads nothing else of the prompt: no result, and no word of a person.
+    """Draws strings of the prompt's grammar, and reads nothing else of the prompt: no results, no remarks of a person.
 
-    The honest control for the embedded model: whatever a search with this finds, selection found. Where the grammar
-    leaves words to the writer, components are named by what they measure.
+    The control for the embedded model: whatever a search finds with this one is due to selection alone. Where the
+    grammar leaves names free, components are named by what they measure.
     """
 
     name = "random"

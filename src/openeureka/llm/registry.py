@@ -24,9 +24,9 @@ from .local import LocalModel, expect_engine
 from .random import RandomModel
 
 KINDS = ("local", "random", "replay")
-"""Models that are at no endpoint."""
+"""Models that need no endpoint."""
 MODELS = Door(setting="model", group="openeureka.models", built_in={}, members=("name", "style", "sample", "close"))
-"""Those of others: each is called with the settings of the run, and makes a `LanguageModel`."""
+"""Models from outside this package: functions that make a `LanguageModel` from the settings of a run."""
 
 
 def expect_model(model: object) -> None:
@@ -42,8 +42,8 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
 
     `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, `replay:FILE.json`,
-    `pkg.mod:factory` or `FILE.py:factory` of a function from RunConfig to a model, a name that an installed package
-    gives one, or the name of a model at an OpenAI-compatible endpoint.
+    `pkg.mod:factory` or `FILE.py:factory` (a function from RunConfig to a model), a name that an installed package
+    adds, or the name of a model at an OpenAI-compatible endpoint.
 
     Args:
         held: replies that the run already has; a replaying model goes on after them.
@@ -64,7 +64,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
 
 
 def _is_import(module: str, name: str) -> bool:
-    """Whether `module:name` is no model of an endpoint, whose names may have a colon too: `llama3.2:latest`."""
+    """Whether `module:name` names Python code. Models of endpoints may have a colon too: `llama3.2:latest`."""
     parts, found = module.split("."), False
     with suppress(ValueError):  # a module without a spec, such as `__main__`
         found = all(map(str.isidentifier, parts)) and (len(parts) > 1 or find_spec(module) is not None)
@@ -72,7 +72,7 @@ def _is_import(module: str, name: str) -> bool:
 
 
 def is_plain(model: str) -> bool:
-    """Whether a value of `model=` is a name alone, and leads to no file, download or code of its own choice."""
+    """Whether a value of `model=` is only a name: one that cannot pick a file, a download or code to run."""
     if model in KINDS or MODELS.installed(model):
         return True
     module, _, name = model.rpartition(":")
@@ -80,7 +80,7 @@ def is_plain(model: str) -> bool:
 
 
 def expect(config: RunConfig) -> None:
-    """Refuse an embedded model that is not there before a run begins with it; one that went on may need it no more.
+    """Refuse a new run whose embedded model is missing. A run that is resumed may need no more replies.
 
     Raises:
         ModelError, ConfigError: it names no weights.
@@ -122,7 +122,7 @@ def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
 
 
 def _style(recorded: str) -> Literal["free", "grammar"]:
-    """The style in which a run's model was asked; a replay has that of the run at its root, while that is there."""
+    """The style in which a run's model was asked: that of a replay is the style of the replayed run, if it exists."""
     from ..store import read_config
 
     seen = set[str]()
@@ -149,12 +149,12 @@ def archived(path: Path) -> list[Reply]:
 
 
 def priced(model: LanguageModel, config: RunConfig) -> LanguageModel:
-    """Somebody's own model, whose replies cost what the settings say.
+    """A user's own model, with replies priced as the settings say.
 
     Raises:
         ConfigError: there is a limit on costs, and nobody knows what the model costs.
     """
-    if config.model.partition(":")[0] in KINDS:  # one of ours, handed over as an object: it costs nothing
+    if config.model.partition(":")[0] in KINDS:  # a built-in one, handed over as an object: it costs nothing
         return model
     known = _price(config, ", or price=0,0 where the model states its own costs")
     return model if known is None else PricedModel(model, known)
@@ -185,7 +185,7 @@ def _endpoint(config: RunConfig) -> LanguageModel:
 
 
 class PricedModel:
-    """Somebody's own model whose replies cost what its settings say, where they count tokens and state no cost."""
+    """A user's own model. Replies that state no cost get one: their tokens at the price that the settings name."""
 
     def __init__(self, model: LanguageModel, known: price.Price) -> None:
         self.name = model.name
@@ -207,8 +207,8 @@ class ReplayModel:
     """Re-runs a search offline. Replies were paid for once, so they cost nothing here.
 
     Args:
-        replies: all of the other run's, in its order.
-        style: that of the model which gave them.
+        replies: all replies of the other run, in its order.
+        style: of the model that wrote them.
         held: how many of them this run already has, when it is resumed.
     """
 
@@ -220,7 +220,7 @@ class ReplayModel:
         self._next = held
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
-        """Yield the next n replies, whatever is asked. Raises ModelError where the recording ends before this run."""
+        """Yield the next n replies, whatever the prompt asks. Raises ModelError where the recording has no more."""
         for _ in range(n):
             if self._next >= len(self._replies):
                 raise ModelError(

@@ -112,9 +112,9 @@ def _whole(weights: Weights, folder: Path, pieces: Callable[[], Iterable[Iterato
 
 
 def write(target: Path, chunks: Iterable[bytes], sha256: str) -> None:
-    """Write a file that appears only when it is whole and its hash is right. Whoever calls it has its `exclusive` lock.
+    """Write a file that appears only when it is complete and its hash is right. The caller holds its `exclusive` lock.
     Raises ModelError for other bytes than expected or a full disk; nothing is left behind."""
-    for left in target.parent.glob(f"{glob.escape(target.name)}.*.tmp"):  # by a process that was killed
+    for left in target.parent.glob(f"{glob.escape(target.name)}.*.tmp"):  # left by a process that was killed
         left.unlink(missing_ok=True)
     digest = hashlib.sha256()
     temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
@@ -144,12 +144,12 @@ def disk_error(target: Path, error: OSError) -> ModelError:
 
 
 def complete(target: Path, weights: Weights) -> bool:
-    """By size only: the hash was checked when the file was written, and takes seconds."""
+    """Whether the file has its full size. The hash takes seconds, and was checked when the file was written."""
     return target.is_file() and target.stat().st_size == weights.size
 
 
 def exclusive(target: Path) -> FileLock:
-    """The lock of a file in the cache, whose folder is made."""
+    """The lock of a file in the cache; makes the folder if it is missing."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
