@@ -1,4 +1,4 @@
-"""What can be read off a MuJoCo model: how its robot moves, and which loose objects there are."""
+"""What can be read off a MuJoCo model: how its robot moves, and its loose objects."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
-"""A policy at work, to look at: pictures, films, windows. It knows tasks and policies, and no run."""
+"""Shows a policy at work: pictures, films, windows. This package knows tasks and policies, but no runs."""
 
 from ..opengl import mujoco as mujoco

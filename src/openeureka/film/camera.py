@@ -1,4 +1,4 @@
-"""Where a task is looked at from, and how the camera follows what happens."""
+"""The camera: where it looks at a task from, and how it follows what happens."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from ..tasks.anatomy import FREE, HINGE, SLIDE
 from ..tasks.task import View
 from .looks import corners, moving
 
-ASPECT = 16 / 9  # of the pictures that everything fits into, unless they say another
+ASPECT = 16 / 9  # width over height of pictures that say no other
 _POSES = 30
-_SMALL = 0.15  # of half the picture
+_SMALL = 0.15  # share of half the picture
 MARGIN = 1.12
-"""Of the picture, over what just fits."""
+"""Distance of the camera, as a multiple of that from which everything just fits."""
 AIR = 1.02
-"""As much of it stays while the eye is late: what touches the edge looks cut."""
+"""The least such multiple while the camera lags behind: what touches the edge looks cut off."""
 EASE, ZOOM = 0.35, 1.5
-"""[s] in which the camera makes up most of what it lags behind, and of a zoom that is not needed at once."""
+"""[s] Time constants with which the camera catches up, and zooms where that is not needed at once."""
 FURTHEST = 1.8
-"""Times the distance at the start: what a fixed robot drops or throws does not make all else small."""
+"""Largest multiple of the distance at the start: what a fixed robot drops or throws must not make all else small."""
 _TRAVELS = (FREE, SLIDE)
 
 
 class Camera:
-    """Looks at a task from its `view`, and keeps in sight what moves.
+    """Looks at a task from its `view`, and keeps what moves in sight.
 
-    The model's first camera that has all in sight is taken instead, and stays as it is. Where a robot can go away the
-    camera goes along; nobody follows a thing that it throws.
+    If a camera of the model has everything in sight, the first such camera is used instead, as it is. The camera goes
+    along with a robot that can travel. It follows nothing that a robot throws.
 
     Args:
         data: the scene as it is at the start.
@@ -37,7 +37,7 @@ class Camera:
         aspect: width of the picture over its height.
 
     Attributes:
-        eye: what MuJoCo draws from.
+        eye: the camera as MuJoCo has it.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, view: View, aspect: float = ASPECT) -> None:
@@ -63,13 +63,13 @@ class Camera:
         self._furthest = FURTHEST * self.eye.distance if traveller is None else math.inf
 
     def follow(self, data: mujoco.MjData, seconds: float) -> None:
-        """Turn to the scene as it is now, so long after the last look; a scene that begins anew is cut to."""
+        """Look at the scene as it is now, `seconds` after the last look. Where it has jumped, the camera jumps too."""
         if not self._fixed:
             now = corners(self._model, data, self._geoms)
             self._look(np.concatenate([now, self._still]), seconds)
 
     def hand_over(self) -> mujoco.MjvCamera:
-        """The eye for a person to turn, which from now on goes along with a robot and is turned by nobody else."""
+        """The camera for a person to turn. From now on it goes along with a robot that travels, and nothing else."""
         traveller = None if self._fixed else _traveller(self._model)
         self._fixed = True
         if traveller is not None:
@@ -77,9 +77,9 @@ class Camera:
         return self.eye
 
     def sees(self, data: mujoco.MjData) -> float:
-        """How far off what moves would just fit, as a share of how far off it is: above 1, the edge cuts it.
+        """The distance from which what moves would just fit, over the camera's distance: above 1, the edge cuts it.
 
-        0 where the eye stays as it is.
+        0 where the camera is fixed.
         """
         if self._fixed:
             return 0.0
@@ -99,7 +99,7 @@ class Camera:
         eye.distance = max(eased, min(AIR * needed, self._furthest))
 
     def _axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Forward, right and up of the eye."""
+        """Forward, right and up of the camera, unit vectors (3,) in the world frame."""
         azimuth, elevation = math.radians(self.eye.azimuth), math.radians(self.eye.elevation)
         forward = np.array(
             [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
@@ -108,18 +108,17 @@ class Camera:
         return forward, right, np.cross(right, forward)
 
     def _fitting(self, points: np.ndarray) -> float:
-        """Distance [m] at which all points (k, 3), from where it looks, are in sight."""
+        """Distance [m] at which all points (k, 3), relative to the point looked at, are in sight."""
         forward, right, up = self._axes()
         half = math.tan(math.radians(self._model.vis.global_.fovy) / 2)
         across, upright = np.abs(points @ right) / (half * self._aspect), np.abs(points @ up) / half
         return float((np.maximum(across, upright) - points @ forward).max())
 
     def _frames(self, data: mujoco.MjData, camera: int, start: np.ndarray, everything: np.ndarray) -> bool:
-        """Whether a camera of the model has all in sight that moves, at the start (k, 3), where it is seen to move, and
-        not too small, wherever it comes (n, 3).
+        """Whether a camera of the model has in sight what moves.
 
-        One that is fixed to a robot looks where the robot does: only those that follow it from a constant direction
-        count.
+        At the start all of it (k, 3) must be in the picture, and the places that it may come to (n, 3) must not look
+        too small. A camera that turns with a robot does not count, unlike one that follows from a constant direction.
         """
         model = self._model
         following = (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
@@ -130,7 +129,7 @@ class Camera:
         half = math.tan(math.radians(model.cam_fovy[camera]) / 2)
 
         def furthest(points: np.ndarray) -> float:
-            """From the middle of the picture, whose edge is at 1."""
+            """The largest distance from the middle of the picture, whose edge is at 1."""
             right, up, back = ((points - data.cam_xpos[camera]) @ data.cam_xmat[camera].reshape(3, 3)).T
             if back.max() >= 0.0:
                 return math.inf
@@ -139,7 +138,7 @@ class Camera:
         return furthest(start) <= 1.0 and furthest(everything) >= _SMALL
 
     def _swept(self, data: mujoco.MjData) -> list[np.ndarray]:
-        """The corners in random positions of the joints that have a range; what lies about stays where it is."""
+        """The corners for random positions of the joints that have a range; loose objects stay where they are."""
         model, other, random, found = self._model, mujoco.MjData(self._model), np.random.default_rng(0), []
         limited = np.flatnonzero(model.jnt_limited & np.isin(model.jnt_type, (HINGE, SLIDE)))
         low, high = model.jnt_range[limited].T
@@ -162,7 +161,7 @@ def _traveller(model: mujoco.MjModel) -> int | None:
 
 
 def _root(model: mujoco.MjModel, body: int) -> int:
-    """The outermost moving body of those that a moving body hangs on, itself included."""
+    """The outermost moving body in the chain of parents of a moving body, which may be itself."""
     while model.body_weldid[parent := int(model.body_parentid[body])]:
         body = parent
     return body

@@ -1,6 +1,6 @@
-"""The child process behind 3-D on the page: plays a policy in real time, is pushed about, and says where all is.
+"""The child process behind 3-D on the page: plays a policy in real time, and tells the poses of what is drawn.
 
-It answers `frame` with the places of what is drawn; what else it is told changes the world that the policy lives in.
+It answers the request `frame` with these poses. Other requests change the world: push, scale or restart it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FACTORS = ("mass", "friction")
 
 
 class Live(Stage):
-    """A stage whose world a person changes."""
+    """A stage whose world a person can change."""
 
     def __init__(self, env: str, policy: bytes) -> None:
         super().__init__(env, policy, seed=0)
@@ -36,15 +36,16 @@ class Live(Stage):
         self._drawn: list[int] = np.flatnonzero(shown(self.model)).tolist()
 
     def scale(self, mass: float, friction: float) -> None:
-        """Of every body and every contact, as multiples of the task's own."""
+        """Set the mass of every body and the friction of every contact, as multiples of the task's own."""
         self._physics.write({"mass": torch.tensor([mass]), "friction": torch.tensor([friction])}, self._all)
         self._simulation.sim.forward(self._all)
 
     def push(self, speed: float, angle: float) -> None:
-        """An impulse at the heaviest thing that moves, enough to make it so fast [m/s] were it by itself.
+        """Give the heaviest thing that moves an impulse.
 
         Args:
-            angle: from the camera's sight [rad]: 0 is away from it, a quarter turn to its left.
+            speed: [m/s] that the impulse would give its whole mass, moving freely.
+            angle: [rad] of the push: 0 is away from the camera, a quarter turn is to the camera's left.
         """
         model, data = self._simulation.sim.snapshot(0)
         roots = [body for body in range(1, model.nbody) if _is_root(model, body)]
@@ -89,7 +90,7 @@ class Live(Stage):
         return {"geoms": geoms, "meshes": len(meshes), "radius": radius, "floor": floor, "eye": eye, "sun": sun}, blobs
 
     def frame(self) -> bytes:
-        """(1 + k, 12) float32: what is looked at and from how far, then place and rotation of every geom."""
+        """(1 + k, 12) float32: the point looked at and its distance, then position and rotation of every geom."""
         head = np.zeros((1, 12), np.float32)
         head[0, :4] = *self.camera.lookat, self.camera.distance
         poses = np.concatenate([self.data.geom_xpos[self._drawn], self.data.geom_xmat[self._drawn]], axis=1)
@@ -106,7 +107,7 @@ class Live(Stage):
 
 
 def _is_root(model: mujoco.MjModel, body: int) -> bool:
-    """Whether it moves, and what it hangs on does not."""
+    """Whether the body moves, and its parent does not."""
     return bool(model.body_weldid[body]) and not model.body_weldid[model.body_parentid[body]]
 
 

@@ -1,6 +1,6 @@
-"""What a task wears before a camera: sky, ground, light, materials, and ghosts of where bodies are wanted.
+"""How a task looks in pictures: sky, ground, light, materials, and ghosts where bodies are wanted.
 
-All of it is made here, of MuJoCo's own textures, on a copy of the task's model that is drawn and never simulated.
+All of it is made of MuJoCo's built-in textures, on a copy of the task's model that is drawn and never simulated.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ GHOST = (0.35, 0.95, 0.5, 0.35)
 ZENITH, NADIR, HAZE = (0.30, 0.50, 0.78), (1.0, 1.0, 1.0), (0.65, 0.75, 0.89)
 GROUND, TILE, SEAM = (0.36, 0.385, 0.42), (0.40, 0.425, 0.46), (0.50, 0.525, 0.56)
 SHELL, JOINT, ACCENT = (0.86, 0.87, 0.88), (0.20, 0.22, 0.26), (0.93, 0.42, 0.13)
-"""Of a robot that has no colours of its own: limbs in turn, and what they hang on. Things are like limbs, and what does
-not move like joints."""
+"""Colours where the model has none: ACCENT for a robot's base, then SHELL and JOINT in turn along its limbs. Loose
+things are SHELL, and what does not move is JOINT."""
 TILES = 3.0
-"""Of the ground, in the radius of the scene."""
+"""Tiles of the ground across the diameter of the scene, roughly."""
 SHADOWS = 2048
 """[pixels] of the shadow map. Software renderers spend most of their time on it and on antialiasing: at twice the size,
 or with four samples a pixel, a picture takes twice as long."""
@@ -53,12 +53,12 @@ def decorated(task: type[Task], ghosts: Collection[str]) -> mujoco.MjModel:
 
 def shown(model: mujoco.MjModel) -> np.ndarray:
     """(ngeom,) bool: the geoms that a camera sees."""
-    material = np.append(model.mat_rgba[:, 3], 1.0)[model.geom_matid]  # the last is that of -1, none
+    material = np.append(model.mat_rgba[:, 3], 1.0)[model.geom_matid]  # the last one is for index -1, no material
     return (model.geom_rgba[:, 3] > 0.0) & (material > 0.0) & (model.geom_group < 3)
 
 
 def moving(model: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) bool: those that are seen and move, or are moved by hand."""
+    """(ngeom,) bool: the visible geoms that move, by physics or by hand (mocap)."""
     bodies = (model.body_weldid != 0) | (model.body_mocapid >= 0)
     return bodies[model.geom_bodyid] & shown(model)
 
@@ -73,7 +73,7 @@ def corners(model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray) -> np
 
 
 def _extent(model: mujoco.MjModel) -> tuple[float, np.ndarray, float]:
-    """The lowest point [m], the middle (3,) [m] and the radius [m] of what moves, as it is drawn."""
+    """The lowest point [m] of the scene, and the middle (3,) [m] and radius [m] of what moves, in the default pose."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     found = corners(model, data, moving(model))
@@ -94,7 +94,7 @@ def _sky(spec: mujoco.MjSpec) -> None:
 
 
 def _ground(spec: mujoco.MjSpec, low: float, radius: float) -> None:
-    """Tiles without end, to see speed and depth by; below what has no floor, far enough that it seems to hang."""
+    """Endless tiles, to see speed and depth by. Without a floor of its own, a scene seems to float far above them."""
     spec.add_texture(
         name=_FLOOR,
         type=_TEXTURE.mjTEXTURE_2D,
@@ -115,7 +115,7 @@ def _ground(spec: mujoco.MjSpec, low: float, radius: float) -> None:
     for plane in planes:
         if not plane.material:
             plane.material, plane.size = _FLOOR, [0.0, 0.0, 0.1]
-        plane.castshadow = False  # on nothing but itself, in specks
+        plane.castshadow = False  # it would fall only on the plane itself, as specks
 
 
 def tile_side(radius: float) -> float:
@@ -127,7 +127,7 @@ def _light(spec: mujoco.MjSpec, centre: np.ndarray, radius: float, azimuth: floa
     """A sun that casts shadows from above the camera's left shoulder, and a fill from the right.
 
     Args:
-        azimuth: of the camera's sight [rad].
+        azimuth: of the camera's direction of sight [rad].
     """
     for light in list(spec.lights):
         spec.delete(light)
@@ -159,7 +159,7 @@ def _paint(model: mujoco.MjModel) -> None:
 
 
 def _depth(model: mujoco.MjModel, body: int) -> int:
-    """How many bodies that move it hangs on, itself included."""
+    """Number of moving bodies from the world to this one, itself included; bodies welded together count as one."""
     count = 0
     while model.body_weldid[body]:
         count += int(model.body_weldid[body] == body)
@@ -171,11 +171,11 @@ def _depth(model: mujoco.MjModel, body: int) -> int:
 
 
 def add_ghosts(spec: mujoco.MjSpec, task: type[Task], bodies: Collection[str]) -> None:
-    """Add copies of bodies that hang on the world to a task's model; they are moved by hand and touch nothing."""
+    """Add copies of bodies that are children of the world to a task's model; they are mocap and touch nothing."""
     if not bodies:
         return
     copies = task.model()
-    # From what refers to what is referred to: deleting a body would take along what others still name.
+    # What refers to others is deleted before them: deleting a body also deletes parts that others may still name.
     lively = (copies.sensors, copies.actuators, copies.equalities, copies.excludes, copies.tendons, copies.joints)
     scenery = (copies.worldbody.geoms, copies.lights, copies.cameras)
     unwanted = [body for body in copies.worldbody.bodies if body.name not in bodies]

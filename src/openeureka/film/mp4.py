@@ -1,6 +1,6 @@
 """Pictures to an mp4 and back, by the ffmpeg that comes with the imageio-ffmpeg wheel.
 
-That package's own reader and writer fork this process, which the kernel refuses to one that has grown large.
+That package's own reader and writer fork this process, which the kernel refuses once the process has grown large.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image
 
 _FORMAT = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-profile:v", "high", "-movflags", "+faststart"]
-"""What every browser plays, and begins to before it has all of it."""
+"""Every browser plays this, and starts before it has the whole file."""
 _EFFORT = ["-preset", "veryfast", "-crf", "23"]
-"""It costs a quarter of the default."""
+"""Costs a quarter of the time of ffmpeg's default."""
 
 _SMALL = "fps=10,scale=320:-2,split[picture][copy];[copy]palettegen[palette];[picture][palette]paletteuse"
 
@@ -35,7 +35,7 @@ def encode(pictures: Iterable[np.ndarray], rate: int) -> bytes:
         command = [*_ffmpeg(), *raw, *_FORMAT, *_EFFORT, str(path)]
         with (
             said.open("wb") as stderr,
-            suppress(BrokenPipeError),  # it has died, and said why
+            suppress(BrokenPipeError),  # ffmpeg has died; the file `said` tells why
             subprocess.Popen(command, stdin=subprocess.PIPE, stderr=stderr) as process,
         ):
             assert process.stdin is not None
@@ -56,19 +56,19 @@ def frames(mp4: bytes) -> np.ndarray:
 
 
 def gif(mp4: bytes) -> tuple[bytes, int, int]:
-    """An mp4 as a moving picture that is small enough for a tracker, with its width and height."""
+    """An mp4 as a GIF that is small enough for an experiment tracker, with its width and height."""
     picture = _converted(mp4, "-vf", _SMALL, "-f", "gif")
     return picture, *Image.open(BytesIO(picture)).size
 
 
 def _converted(mp4: bytes, *options: str) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mp4"  # not by a pipe: what describes an mp4 may stand at its end
+        path = Path(folder) / "film.mp4"  # a pipe will not do: the index of an mp4 may stand at its end
         path.write_bytes(mp4)
         return subprocess.run([*_ffmpeg(), "-i", str(path), *options, "-"], stdout=subprocess.PIPE, check=True).stdout
 
 
 def _ffmpeg() -> list[str]:
-    import imageio_ffmpeg  # here, where its absence is not taken for that of OpenGL
+    import imageio_ffmpeg  # at the top of the module, its absence would look like that of OpenGL
 
     return [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error"]

@@ -21,7 +21,7 @@ from .stage import Screen, Stage, draws_itself
 WIDTH, HEIGHT = 1280, 720
 FPS = 30
 ROUNDING = 1e-6
-"""[pictures] that a sum of steps may be too long."""
+"""[pictures] of rounding error that a sum of steps may have."""
 
 
 def frames(stages: Sequence[Stage | Screen], seconds: float, captions: Sequence[str] = ()) -> Iterator[np.ndarray]:
@@ -33,7 +33,7 @@ def frames(stages: Sequence[Stage | Screen], seconds: float, captions: Sequence[
         labels = [_label(text) for text in captions]
         count = 0
         for step in range(max(1, round(seconds / stages[0].dt))):
-            due = (step + 1) * stages[0].dt * FPS - ROUNDING  # at its end; it may last for several
+            due = (step + 1) * stages[0].dt * FPS - ROUNDING  # at the end of the step, which may last several pictures
             if count < due:
                 pictures = [paint() for paint in painters]
                 for picture, label in zip(pictures, labels, strict=False):
@@ -47,7 +47,7 @@ def frames(stages: Sequence[Stage | Screen], seconds: float, captions: Sequence[
 
 
 def _label(text: str) -> np.ndarray:
-    """(h, w) brightness of a line of text on a dark ground."""
+    """(h, w) brightness of a line of text on a dark background."""
     font = ImageFont.load_default(26)
     left, top, right, bottom = font.getbbox(text)
     picture = Image.new("L", (round(right - left) + 28, round(bottom - top) + 24), 32)
@@ -80,7 +80,7 @@ def main() -> None:
     if request is None:
         return
     _try_renderer()
-    channel.send({})  # from here on, nothing that goes wrong is for want of OpenGL
+    channel.send({})  # tells the parent that OpenGL works: whatever fails later has another cause
     wanted = request.header
     if not wanted["agents"]:
         return

@@ -1,4 +1,4 @@
-"""One world of a task under a policy: on a stage made for looking at, or as its environment draws itself."""
+"""One world of a task under a policy, drawn by MuJoCo or by its environment itself."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Play:
 
 
 class Stage(Play):
-    """The world as it is now in `data`, a copy that may be drawn at leisure.
+    """A world that MuJoCo draws. `data` is a copy of its present state, which may be drawn at any time.
 
     Args:
         aspect: width of the pictures over their height.
@@ -65,11 +65,11 @@ class Stage(Play):
         super().step()
         self._copy()
         self.director.follow(self.data, self.dt)
-        self.data.light_xpos[0] += self.camera.lookat - self.model.stat.center  # shadows fall around the sun's place
+        self.data.light_xpos[0] += self.camera.lookat - self.model.stat.center  # shadows are drawn only around the sun
 
     @contextmanager
     def painter(self, width: int, height: int) -> Iterator[Callable[[], np.ndarray]]:
-        """A function that draws what is now, (height, width, 3) uint8."""
+        """A function that draws the present state, (height, width, 3) uint8."""
         seen = self.model.vis.global_
         seen.offwidth, seen.offheight = max(width, seen.offwidth), max(height, seen.offheight)
         with mujoco.Renderer(self.model, height, width) as renderer:
@@ -109,7 +109,7 @@ class NothingDrawn(EurekaError):
 
 
 def draws_itself(env: str) -> bool:
-    """Whether MuJoCo has nothing to show of a task."""
+    """Whether a task's environment makes its own pictures, as MuJoCo has nothing to show of it."""
     return registry.get(env).draws_itself
 
 
@@ -122,7 +122,7 @@ class Screen(Play):
 
     @contextmanager
     def painter(self, width: int, height: int) -> Iterator[Any]:
-        """A function that draws what is now, (height, width, 3) uint8."""
+        """A function that draws the present state, (height, width, 3) uint8."""
         worlds: Any = self._simulation.sim
 
         def paint() -> np.ndarray:
@@ -135,7 +135,7 @@ class Screen(Play):
 
 
 def fitted(picture: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A picture (h, w, 3) as large as fits into (height, width, 3), black around it, of nearest pixels."""
+    """A picture (h, w, 3) scaled to fit into (height, width, 3), by nearest pixels, with black around it."""
     scale = min(width / picture.shape[1], height / picture.shape[0])
     tall, wide = (max(1, int(size * scale)) for size in picture.shape[:2])
     rows, columns = (

@@ -10,10 +10,10 @@ from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
 
 START, BACKGROUND_START = 60.0, 600.0
-"""[s] that the child may take to find out whether it can render: some seconds of a core, of which one in the background
-gets what trainings leave."""
+"""[s] that the child may take to find out whether it can render. It needs some seconds of a core; in the background it
+gets only what trainings leave."""
 PATIENCE, SHORTEST = 60.0, 600.0
-"""[s] that a second of film may take, which a processor alone draws in ten or twenty; and any film."""
+"""[s] that a second of film may take, for which a CPU alone needs ten or twenty; and that any film may take."""
 
 
 class VideoUnavailable(EurekaError):
@@ -39,8 +39,8 @@ def render(
 
     Args:
         policy: safetensors bytes of a trained policy, or `random` or `zero`.
-        beside: another, in a world that begins alike, in the right half of the picture.
-        captions: what is written over each.
+        beside: another policy, in a world that begins alike, in the right half of the picture.
+        captions: a text to write over each.
         seconds: length in simulated time.
         timeout: [s] for each way of rendering that is tried; 0 gives as long as a busy machine needs.
         background: use one thread of the lowest priority, and take the time that others leave.
@@ -102,7 +102,7 @@ def _begun(environment: dict[str, str], background: bool) -> Worker:
 
 
 def _video(worker: Worker, timeout: float) -> Frame:
-    """What the child makes once it knows that it can render. Raises WorkerDied, as a driver may crash even then."""
+    """The answer of a child that has found it can render. Raises WorkerDied: a driver may crash even then."""
     try:
         return worker.receive(timeout)
     except WorkerTimeout:
@@ -110,10 +110,10 @@ def _video(worker: Worker, timeout: float) -> Frame:
 
 
 _NONE = {"disable", "disabled", "off", "false", "0"}
-"""By which MUJOCO_GL says that nothing is to be drawn."""
+"""Values of MUJOCO_GL by which a person says that nothing is to be drawn."""
 
 
 def _backends() -> list[str]:
-    """What a person chose, then what needs no display; nothing else where they want none."""
+    """The back end that a person chose, then those that need no display, unless they chose to draw nothing."""
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     return list(dict.fromkeys(filter(None, (chosen, *(() if chosen in _NONE else ("egl", "osmesa"))))))

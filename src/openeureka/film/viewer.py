@@ -23,7 +23,7 @@ class ViewerUnavailable(EurekaError):
 
 
 def has_display() -> bool:
-    """Whether a window can be opened: a variable may still name a display that is gone."""
+    """Whether a window can be opened. A display is tried, as the variables may name one that is gone."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return False
     with warnings.catch_warnings(action="ignore"):

@@ -1,8 +1,8 @@
 """A policy at work in a browser, in 3-D, through the web viewer that is part of MuJoCo.
 
-That viewer asks for no password, listens on every interface, answers the pages of any site and loads what they drop on
-it, with the textures that it names of any file. Here it is bound to loopback, answers its own page only and loads
-nothing. Who sits at another machine comes through `ssh -L 8080:localhost:8080`.
+That viewer asks for no password, listens on every interface and answers the pages of any site. It loads models that
+they drop on it, with any file that a model names as a texture. Here it listens on loopback, answers only its own page
+and loads nothing. From another machine, use `ssh -L 8080:localhost:8080`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 _NAMES = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]+)?")
-"""What a browser calls this machine; any port, as ssh may forward another one."""
+"""Names by which a browser calls this machine. Any port, as ssh may forward another one."""
 _PATIENCE = 10.0
 """[s] that the server's thread may take to begin."""
 _guarded = threading.Event()
@@ -43,7 +43,7 @@ def _refused(connection: ServerConnection, request: Request) -> Response | None:
 
 
 async def _serve_guarded(*args: Any, process_request: Any, **settings: Any) -> Server:
-    """As `websockets` serves, past `_refused`; MuJoCo offers no setting for it."""
+    """Serve as `websockets` does, but only requests that `_refused` lets pass; MuJoCo offers no setting for this."""
     _guarded.set()
     return await _serve(*args, process_request=lambda c, r: _refused(c, r) or process_request(c, r), **settings)
 
@@ -71,7 +71,7 @@ class Buttons(step_control.StepControl):
 
     @messages.handler
     def _on_load(self, event: messages.LoadModelEvent) -> bool:
-        """True keeps the event from those who would load a file."""
+        """Returns True: this keeps the event from handlers that would load a file."""
         return True
 
     @messages.handler(priority=messages.Priority.INTERNAL)
@@ -113,4 +113,4 @@ def page(stage: Stage, port: int) -> None:
     except RuntimeError as error:
         raise ViewerUnavailable(f"No page: {error}.") from None
     except KeyboardInterrupt:
-        pass  # the way to end it
+        pass  # this is how a person ends it
