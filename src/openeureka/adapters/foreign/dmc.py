@@ -1,10 +1,10 @@
 """dm_control's suite as `server.py` steps it, in the Python that it is installed in.
 
-State variables are the observation's arrays, what the physics of a domain knows to measure (`speed` of the cheetah,
+State variables are the arrays of the observation, what the physics of a domain can measure (`speed` of the cheetah,
 `torso_height` of the walker), and all of `qpos` and `qvel`.
 """
 
-# What is imported here is installed elsewhere.
+# The imported packages are installed in another Python.
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 _PLACES = {0: " (7: x, y, z, quaternion w, x, y, z)", 1: " (4: quaternion w, x, y, z)"}
 _SPEEDS = {0: " (6: linear, angular)", 1: " (3: angular)"}
-"""What joints of several numbers have, by MuJoCo's `jnt_type`: free ones and balls."""
+"""The numbers of free joints and ball joints, by MuJoCo's `jnt_type`."""
 
 
 class Suite:
@@ -61,7 +61,7 @@ class Suite:
             try:
                 moment = env.step(actions[world])
             except self.broken:
-                reward[world] = math.nan  # by which the other side knows a world that broke down
+                reward[world] = math.nan  # tells the other side that this world's physics broke down
                 continue
             self.moments[world] = moment
             reward[world] = moment.reward
@@ -73,7 +73,7 @@ class Suite:
         physics = self.envs[0].physics
         try:
             return physics.render(480, 640, camera_id=0 if physics.model.ncam else -1)
-        except Exception:  # each backend has its own for a machine without OpenGL
+        except Exception:  # without OpenGL, each backend raises another one
             return None
 
     def _seen(self) -> dict[str, np.ndarray]:
@@ -102,7 +102,7 @@ class Suite:
 
 
 def _measures(physics: Any) -> dict[str, str]:
-    """What a domain adds to dm_control's physics that can be asked without an argument: name -> what it says it is."""
+    """Numeric measures that a domain adds to dm_control's physics, methods without arguments: name -> meaning."""
     from dm_control.mujoco import Physics
 
     found = {}
@@ -112,7 +112,7 @@ def _measures(physics: Any) -> dict[str, str]:
             continue
         try:
             number = np.asarray(method(physics)).dtype.kind in "biuf"
-        except Exception:  # it measures what this task of the domain has not: a ball, a target
+        except Exception:  # it measures something that this task of the domain lacks: a ball, a target
             continue
         if number:
             found[name] = _sentence(method) or name.replace("_", " ")
@@ -120,7 +120,7 @@ def _measures(physics: Any) -> dict[str, str]:
 
 
 def _document(env: Any, name: str) -> str:
-    """In sections that `gym/documents.py` knows. It leaves out the paragraphs that speak of what counts."""
+    """The task's documentation in sections that `gym/documents.py` knows. That module leaves out what tells of F."""
     kind, model = type(env.task), env.physics.model
     drives = ", ".join(model.id2name(number, "actuator") for number in range(model.nu))
     parts = {
@@ -133,7 +133,7 @@ def _document(env: Any, name: str) -> str:
 
 
 def _sentence(thing: Any) -> str:
-    """The first line of what it says of itself."""
+    """The first line of its docstring."""
     said = (inspect.getdoc(thing) or "").partition("\n")[0].strip(" .")
     return said[8:] if said.startswith("Returns ") else said
 
@@ -145,7 +145,7 @@ def _physics_error() -> type[Exception]:
 
 
 def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
-    """`DOMAIN-TASK`, with what the task's function takes, such as `fully_observable`."""
+    """Environments of `DOMAIN-TASK`. Settings are parameters of the task's function, such as `fully_observable`."""
     if not os.environ.get("DISPLAY") and ctypes.util.find_library("EGL"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # else it draws with GLFW, which needs a display
     try:
@@ -160,7 +160,7 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
     if name not in listed:
         near = [other for other in listed if other.startswith(f"{domain}-")] or listed
         raise ValueError(f"dm_control has no {name}; it has {', '.join(near)}")
-    given = {"random": 0, **settings}  # the models of some domains are drawn too, and every process has the same
+    given = {"random": 0, **settings}  # some domains draw their model too, and every process must have the same
     try:
         first = suite.load(domain, task, task_kwargs=given)
     except AttributeError as error:
@@ -171,5 +171,5 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
                 f"this dm_control does not know MuJoCo {mujoco.__version__}: type pip install 'mujoco<4' in its Python"
             ) from None
         raise
-    # Copied: to compile a model takes ten times as long.
+    # Copied: compiling a model takes ten times as long.
     return Suite([first, *(copy.deepcopy(first) for _ in range(worlds - 1))], name)

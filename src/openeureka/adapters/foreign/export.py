@@ -20,8 +20,8 @@ _TERM = {
 
 
 def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: str) -> str:
-    """The file. Raises TaskError for a suite without reward managers, or a reward of what they do not know yet: the
-    observation is made after the reward."""
+    """The text of the file. Raises TaskError for a suite without reward managers, and for a reward that reads the
+    observation, which these suites compute after the reward."""
     if suite not in _TITLES:
         raise TaskError(f"`{env}` is of no suite that rewards go back to; `best/reward.py` is the reward.")
     names = [name for name in spec.names if name not in ("obs_buf", "previous_obs_buf")]

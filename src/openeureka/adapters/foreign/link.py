@@ -19,10 +19,10 @@ from ...worker import Frame, Stranger, WorkerDied, WorkerTimeout
 
 SERVER = Path(__file__).with_name("server.py")
 VERSION = 1
-"""Of the frames; `server.py` has the same."""
+"""Version of the frames; `server.py` has the same."""
 STARTING, BEGINNING, STEPPING = 60.0, 480.0, 240.0
-"""[s] that the other Python may take to say that it is there, to make an environment, and to step or reset it. To start
-and make, and to step and reset, end before the executor takes the silence of a worker for its death."""
+"""[s] that the other Python may take to start, to make an environment, and to step or reset it. Starting plus making,
+and stepping plus resetting, take less than the silence after which the executor gives a worker up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +31,13 @@ class Acting:
 
     low: tuple[float | None, ...] = ()
     high: tuple[float | None, ...] = ()
-    """None where a side has no bound."""
+    """In `low` and `high`, None is no bound."""
     whole: bool = False
-    """Whether what is between the bounds is rounded."""
+    """Whether actions are rounded to whole numbers."""
     choices: tuple[int, ...] = ()
+    """How many options each choice has."""
     starts: tuple[int, ...] = ()
-    """Number of the first option of each."""
+    """Number of the first option of each choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,14 +49,14 @@ class Description:
     steps: int
     dt: float
     observation: tuple[tuple[str, tuple[int, ...], tuple[int, ...], tuple[int, ...]], ...]
-    """Name and shape of each array, and of one whose whole numbers are options how many each has, and the first. A
-    single array may have no name."""
+    """Name and shape of each array; in an array of choices, also how many options each has, and the number of the first
+    option. A single array may have no name."""
     state: tuple[tuple[str, tuple[int, ...], str], ...]
-    """Name, shape and meaning of what else it tells in each step."""
+    """Name, shape and meaning of what else the environment tells in each step."""
     seeded: bool
     """Whether an episode follows from its seed and its actions, whatever other worlds do."""
     taken: tuple[str, ...]
-    """Of the settings that were offered, those that what makes it names among its parameters."""
+    """Those of the offered settings that are parameters of the environment's factory."""
     layout: Mapping[str, tuple[int, str, tuple[int, ...]]]
     """Where each array lies in the mapped memory, its type and its shape."""
 
@@ -65,14 +66,14 @@ class Link:
 
     Args:
         env: the whole name, for sentences.
-        kind, name: how the server makes it, and what.
+        kind, name: the suite, and what it calls the environment.
         python: the interpreter.
-        settings: for what makes it.
-        offered: also for it, where it names them among its parameters.
+        settings: for the environment's factory.
+        offered: also for the factory, as far as they are parameters of it.
         threads: that libraries there may use; 0 for as many as they like.
 
     Raises:
-        TaskError: when that Python or the environment cannot be started, and in any call for what it raises.
+        TaskError: when that Python or the environment cannot be started; in any call, when the environment raises.
         WorkerError: in any call, when the process has died or does not answer.
     """
 
@@ -113,7 +114,7 @@ class Link:
         return self._seen(), arrays["reward"], arrays["terminated"], arrays["truncated"], self._state()
 
     def reset(self, *, seed: list[int], options: Mapping[str, np.ndarray]) -> tuple[Any, dict[str, np.ndarray]]:
-        """Begin an episode where `options["reset_mask"]` (N,) says; observation and state, as views."""
+        """Begin an episode in the worlds of `options["reset_mask"]` (N,); returns observation and state, as views."""
         self._arrays["mask"][:], self._arrays["seeds"][:] = options["reset_mask"], seed
         self._asked({"do": "reset"}, STEPPING)
         return self._seen(), self._state()
@@ -136,7 +137,7 @@ class Link:
         return {name: self._arrays[f"state {name}"] for name, _, _ in self.about.state}
 
     def _started(self, descriptor: int, threads: int) -> Stranger:
-        # A virtual environment finds itself; what says where this one is would lead it astray.
+        # A virtual environment finds itself; variables that name this process's one would mislead it.
         env = {key: value for key, value in os.environ.items() if key not in ("PYTHONHOME", "VIRTUAL_ENV")}
         try:
             return Stranger(

@@ -1,10 +1,10 @@
 """ManiSkill as `server.py` steps it, in the Python that it is installed in.
 
 State variables are the arrays of the observation `state_dict`, without the group `extra` in their names, and the
-numbers of `info`; its `success` is `is_success`, by which F may be the share of episodes that succeed.
+numbers in `info`. The `success` there is called `is_success`, so that F can be the share of episodes that succeed.
 """
 
-# What is imported here is installed elsewhere.
+# The imported packages are installed in another Python.
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import numpy as np
 
 _ON_CPU = ("cpu", "physx_cpu")
 _SECTIONS = {"Task Description": "Description", "Randomizations": "Starting State"}
-"""Titles in the documentation of a task, as `gym/documents.py` calls them."""
+"""Titles in the documentation of a task -> what `gym/documents.py` calls them."""
 
 
 class Batches:
-    """N worlds in batches: a single one on a GPU, N of one world on the CPU, whose physics has no more.
+    """N worlds in batches: one batch on a GPU, N batches of one world on the CPU, where physics has a single world.
 
-    A batch has one generator. So an episode follows from its seed where there is a world in each.
+    A batch has one generator. So an episode follows from its seed only in a batch of one world.
     """
 
     def __init__(self, envs: list[Any]) -> None:
@@ -53,7 +53,7 @@ class Batches:
         for number, (env, worlds) in enumerate(self._batches()):
             begun = np.flatnonzero(mask[worlds])
             if len(begun) == self.size:
-                torch.manual_seed(int(seeds[worlds][0]))  # of what later resets of a part draw
+                torch.manual_seed(int(seeds[worlds][0]))  # for what later resets of some of its worlds draw
                 self.last[number] = env.reset(seed=[int(seed) for seed in seeds[worlds]])
             elif len(begun):
                 which = torch.as_tensor(begun, device=env.unwrapped.device)
@@ -121,14 +121,14 @@ def _meaning(name: str, agent: Any) -> str:
 
 
 def _document(text: str) -> str:
-    """Its sections with titles in Markdown."""
+    """A task's documentation with titles in Markdown."""
     return re.sub(
         r"^\*\*(.+?):?\*\*:?", lambda found: f"## {_SECTIONS.get(found[1], found[1])}\n", text, flags=re.MULTILINE
     )
 
 
 def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
-    """An id that ManiSkill registers, with what its constructor takes, such as `control_mode`."""
+    """Environments of an id that ManiSkill registers. Settings are parameters of its class, such as `control_mode`."""
     try:
         import gymnasium
         import mani_skill.envs  # noqa: F401  registers them

@@ -28,21 +28,21 @@ from .export import terms
 from .link import Acting, Description, Link
 
 _TRIED = 2
-"""Worlds that are described: what has one row for each cannot be taken for anything else."""
+"""Worlds that are made for the description: with more than one, arrays with a row for each stand out."""
 
 
 def imports(name: str, settings: Mapping[str, str]) -> bool:
-    """Always: another program runs."""
+    """True, always: another program runs."""
     return True
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask], dict[str, str]]:
-    """The class of an environment in another Python, and those settings that are left to set of it.
+    """The task class of an environment in another Python, and the settings that are left for its class attributes.
 
     Args:
-        env: the whole of what `env=` says.
+        env: the whole value of `env=`.
         name: what comes after the prefix.
-        settings: `python`, `fitness`, what makes the environment, and class attributes.
+        settings: `python`, `fitness`, parameters of the environment's factory, and class attributes.
 
     Raises:
         TaskError: when that Python does not run, or the environment cannot be made.
@@ -71,7 +71,8 @@ def _task(env: str, kind: str, name: str, python: str, given: str, own: str, fit
 
 
 def surveyed(env: str, about: Description) -> Survey:
-    """The description as a task needs it. Suites that name their state have no columns of an observation."""
+    """The description in the form that a task needs. Where a suite says what its state means, rewards read that state
+    instead of columns of the observation."""
     parts = tuple(_part(*told) for told in about.observation)
     named = tuple(
         StateVar(name=name, shape=shape, meaning=meaning or f"{name.replace('_', ' ')}, as the environment has it",
@@ -121,8 +122,8 @@ def _actions(told: Acting, env: str) -> Actions:
 class ForeignWorlds(GymWorlds):
     """Worlds that another process steps.
 
-    Where one generator serves all of them, an episode does not follow from its seed: nothing is remembered, and who
-    goes on from a saved state begins new episodes.
+    Where all worlds share one generator, an episode does not follow from its seed. Then nothing is remembered, and a
+    training that goes on from a saved state begins new episodes.
     """
 
     _vector: Link
@@ -133,7 +134,7 @@ class ForeignWorlds(GymWorlds):
 
     def step(self, substeps: int) -> None:
         super().step(substeps)
-        if self._anew:  # the episodes that were under way are gone: these count for nothing, and are begun again
+        if self._anew:  # the saved episodes are lost: marked as bad, these count for nothing and begin again
             self.bad[:], self._anew = True, False
 
     def picture(self, world: int) -> np.ndarray | None:
@@ -154,7 +155,7 @@ class ForeignWorlds(GymWorlds):
             super()._keep(each)
 
     def _replay(self, taken: Tensor, steps: Tensor) -> None:
-        """All at once, so that they end together: a world whose episode is younger waits, and is begun then."""
+        """Replay all worlds at once, so that they end together: those with shorter episodes begin later."""
         longest, each = int(steps.max()), torch.arange(self.num_worlds)
         waits = longest - steps
         for number in range(longest):
@@ -174,7 +175,7 @@ class ForeignTask(GymTask):
     """An environment that another Python steps."""
 
     opened: ClassVar[Any]
-    """A static function of `worlds` and `threads`: starts the other process."""
+    """A static function of `worlds` and `threads` that starts the other process."""
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:

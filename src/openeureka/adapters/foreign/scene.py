@@ -1,9 +1,9 @@
 """mjlab and Isaac Lab as `server.py` steps them, in the Python that they are installed in.
 
-Rewards that go back are computed on the same state: `export.py` takes `scene_state` and `attribute_state` from here.
+Exported rewards are computed on the same state: `export.py` copies `scene_state` and `attribute_state` from here.
 """
 
-# What is imported here is installed elsewhere.
+# The imported packages are installed in another Python.
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 BUFFERS = ("reward", "reset", "episode_length", "obs", "action_space", "observation_space")
-"""Beginnings of attributes of a direct task that are no state of the robot."""
+"""Beginnings of the names of attributes of a direct task that are no state of the robot."""
 FIELDS = {
     "root_pos": ("root_link_pos_w", "position of the root link from the origin of its environment, world frame [m]"),
     "root_quat": ("root_link_quat_w", "quaternion x, y, z, w of the root link in the world frame"),
@@ -35,7 +35,7 @@ FIELDS = {
     "actuator_force": ("actuator_force", "forces or torques of the actuators [N or N m]"),
     "applied_torque": ("applied_torque", "torques applied at the joints [N m]"),
 }
-"""State variable of a robot or an object -> attribute of its data, and meaning. Positions are points."""
+"""State variable of a robot or an object -> attribute of its data, and meaning. Each `position` is a point."""
 
 
 def scene_state(env: Any, fields: dict[str, str], scalar_first: bool) -> dict[str, Any]:
@@ -95,16 +95,16 @@ def attribute_state(env: Any, buffers: tuple[str, ...]) -> dict[str, Any]:
 
 
 class Scene:
-    """A manager-based or direct environment that resets when it is told to.
+    """A manager-based or direct environment that resets only when told to.
 
-    What resets worlds within its step is held back, so that their last observation is seen. The state is read where its
-    own reward is computed: terms of its reward manager would see the same numbers.
+    Its own resets within a step are suppressed, so that the last observation of an episode is seen. The state is read
+    when its own reward is computed: terms of its reward manager see the same numbers.
     """
 
     seeded = False  # one generator for all worlds
 
     def __init__(self, env: Any, document: str, *, scalar_first: bool, held: Any = None) -> None:
-        self._held = held  # an application ends when nothing holds it
+        self._held = held  # Isaac Lab's application ends when nothing refers to it
         self.env, self.worlds, self.document, self.scalar_first = env, env.num_envs, document, scalar_first
         self.stepping, self.state = False, {}
         begin = env._reset_idx

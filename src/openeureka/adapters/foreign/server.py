@@ -1,12 +1,12 @@
-"""Steps an environment for openeureka in the Python it is installed in: started there as a file, with NumPy alone.
+"""Steps an environment for openeureka in the Python it is installed in: runs there as a file, and needs only NumPy.
 
-It speaks `worker.py`'s frames on two pipes, whose numbers are its first arguments, and so does not mind what an
-environment prints. Requests: `describe`, first, which makes the environment and says what it is; `reset` and `step`,
-which leave their results in memory that both sides have mapped, the third argument; `picture`. The answer to a fault is
-a frame that says `broken`.
+It exchanges the frames of `worker.py` over two pipes, so what an environment prints is not among them. Its arguments
+are the descriptors of these pipes and of memory that both sides map. Requests: `describe` comes first, makes the
+environment and says what it is; `reset` and `step` leave their results in the mapped memory; `picture`. The answer to a
+fault is a frame with `broken`.
 
-Nothing of openeureka is imported, and the syntax is that of Python 3.8. Files beside it have what suites need, and are
-read for them alone.
+Nothing of openeureka is imported, and the syntax is that of Python 3.8. What a suite needs is in a file of its own in
+this folder, which is loaded for this suite only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 VERSION = 1
-"""Of what is said in the frames; the other side refuses any other."""
+"""Version of what the frames say; the other side refuses any other."""
 _PREFIX = struct.Struct("<IQ")
 _SUITES = {
     "python": "vector.py",
@@ -35,7 +35,7 @@ _SUITES = {
     "dmc": "dmc.py",
     "maniskill": "maniskill.py",
 }
-"""File of a function of each name, which makes an environment."""
+"""Suite -> file. Its function of the suite's name makes an environment."""
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
 
@@ -60,8 +60,8 @@ class Channel:
 
 
 def numbers(value: Any) -> np.ndarray:
-    """A tensor of any library, wherever it lies, as an array."""
-    value = getattr(value, "torch", value)  # Isaac Lab 3 wraps what it reads
+    """A tensor of any library, on any device, as an array."""
+    value = getattr(value, "torch", value)  # Isaac Lab 3 wraps tensors
     if hasattr(value, "detach"):
         value = value.detach().cpu()
     return np.asarray(value)
@@ -76,7 +76,7 @@ def _module(file: str) -> Any:
 
 
 def _numeric(state: dict[Any, Any], worlds: int) -> dict[str, Any]:
-    """What is numbers for each world, under a name that a reward can use."""
+    """The entries that hold numbers for each world, under names that a reward can use."""
     return {
         name: value
         for name, value in state.items()
@@ -120,7 +120,7 @@ class Memory:
         *,
         each: bool = False,
     ) -> None:
-        """With `each`, raises ValueError for one number in place of one a world, which NumPy would repeat in each."""
+        """With `each`, raises ValueError where there is not a value for each world: NumPy would repeat a single one."""
         for number, value in enumerate(parts.values()):
             place = self.arrays[f"part {number}"]
             place[...] = numbers(value).reshape(place.shape)
@@ -152,7 +152,7 @@ class Server:
     def describe(
         self, kind: str, name: str, worlds: int, settings: dict[str, Any], offered: dict[str, Any]
     ) -> dict[str, Any]:
-        """Makes the environment with the settings, and with those of the offered ones that its maker names."""
+        """Makes the environment with the settings, and with those offered ones that are parameters of its factory."""
         suite = _module(os.path.join(_HERE, _SUITES[kind]))
         taken = [key for key in offered if hasattr(suite, "takes") and suite.takes(name, key)]
         settings = {**settings, **{key: offered[key] for key in taken}}
@@ -203,18 +203,18 @@ class Server:
         return {}
 
     def step(self) -> dict[str, Any]:
-        # An environment may hold on to its actions; the other side writes the next ones over these.
+        # Copied: an environment may keep its actions, and the other side overwrites these with the next ones.
         self._memory.write(*self.env.step(self._memory.arrays["actions"].copy()), each=True)
         return {}
 
 
 def guard() -> None:
-    """Have what an environment starts end with this process, whatever ends that: another one waits for its death."""
+    """Fork a process that waits for the end of this one, whatever ends it, and kills what the environment started."""
     server = os.getpid()
     if os.getpgrp() != server:  # not started by `worker.Stranger`
         return
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of threads that NumPy has, and the copy does not need
+        warnings.simplefilter("ignore")  # on a fork with threads: they are NumPy's, and the child needs none
         if os.fork():
             return
     os.closerange(0, 1 << 12)  # the other side must see the pipes end with the server
@@ -233,7 +233,7 @@ def main(incoming: int, outgoing: int, memory: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the other side's to handle
     # So is SIGTERM. Processes that an environment starts do not inherit this, and can be terminated.
     signal.signal(signal.SIGTERM, lambda *_: None)
-    term = {signal.SIGTERM}  # held back until a forked process is one that it ends
+    term = {signal.SIGTERM}  # blocked during a fork, until SIGTERM can end the child
     os.register_at_fork(
         before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, term),
         after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, term),

@@ -1,4 +1,4 @@
-"""Whatever steps N worlds, as `server.py` steps it, in the Python it is installed in: `env=python:FILE.py:NAME`."""
+"""Any vector environment, as `server.py` steps it, in the Python it is installed in: `env=python:FILE.py:NAME`."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _STEPS = ("max_episode_length", "max_episode_steps", "episode_length")
 
 
 class Vector:
-    """Whatever a factory gives that has the methods of Gymnasium's vector environments, and resets when it is told to.
+    """What a factory makes: it has the methods of Gymnasium's vector environments, and resets only when told to.
 
     `step(actions)` gives observation, reward, terminated, truncated and info; `reset(seed=, options=)` with
     `options["reset_mask"]` gives observation and info. Observations are an array (N, ...), or a dict or tuple of them.
-    Numbers of `info`, and of what `state()` gives where there is one, are state variables.
+    The numbers in `info`, and in what the method `state()` gives if there is one, are state variables.
     """
 
     seeded = True
@@ -97,14 +97,14 @@ class Vector:
 
 
 def _inside(value: Any) -> list[tuple[str, Any]] | None:
-    """What a dict or a tuple holds, by name; None for what is neither."""
+    """The entries of a dict or a tuple, by name; None for anything else."""
     if isinstance(value, tuple):
         value = dict(enumerate(value))
     return [(str(key), held) for key, held in value.items()] if isinstance(value, dict) else None
 
 
 def _counted(space: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, tuple[list[int], list[int]]]]:
-    """Of each array of whole numbers that are options, by name: how many each has, and the first."""
+    """For each array of choices, by name: how many options each choice has, and the number of the first option."""
     inner = _inside(getattr(space, "spaces", None))
     if inner is not None:
         for key, held in inner:
@@ -126,7 +126,7 @@ def _actions(space: Any, env: Any) -> dict[str, Any]:
         choices = {"choices": space.nvec.reshape(-1).tolist(), "starts": starts.reshape(-1).tolist()}
         return {**choices, "shape": list(space.nvec.shape)}
     if hasattr(space, "n") and not hasattr(space, "low"):
-        if space.shape:  # bits, of which Gymnasium's MultiBinary says how many there are
+        if space.shape:  # Gymnasium's MultiBinary: an array of bits
             count = int(np.prod(space.shape))
             return {"choices": [2] * count, "starts": [0] * count, "shape": list(space.shape)}
         return {"choices": [int(space.n)], "starts": [int(getattr(space, "start", 0))], "shape": []}
@@ -141,15 +141,15 @@ def _actions(space: Any, env: Any) -> dict[str, Any]:
 
 
 def python(name: str, worlds: int, settings: dict[str, Any]) -> Vector:
-    """What `name` makes, with what that takes."""
+    """The environment that `name` makes, with settings for its factory."""
     return Vector(name, worlds, settings)
 
 
 def takes(name: str, setting: str) -> bool:
-    """Whether what makes the environment names the setting among its parameters."""
+    """Whether the setting is a parameter of the environment's factory."""
     try:
         return setting in inspect.signature(made(name)).parameters
-    except (TypeError, ValueError):  # it has no signature, as what is written in C
+    except (TypeError, ValueError):  # it has no signature: functions written in C often have none
         return False
 
 
@@ -170,7 +170,7 @@ def made(name: str) -> Any:
 
 
 def _module(file: str) -> Any:
-    sys.path.insert(0, os.path.dirname(os.path.abspath(file)))  # as where Python is started with the file
+    sys.path.insert(0, os.path.dirname(os.path.abspath(file)))  # as if Python were started with the file
     spec: Any = importlib.util.spec_from_file_location("openeureka_" + os.path.basename(file)[:-3], file)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
