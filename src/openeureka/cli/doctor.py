@@ -43,7 +43,7 @@ def doctor(words: Sequence[str] = ()) -> int:
 
 
 def nodes(address: str) -> list[Finding]:
-    """Of a cluster: whether each node may train for this machine, and what it has. It needs no sandbox."""
+    """For each node of a cluster, whether it may train for this machine, and what it has. Nodes need no sandbox."""
     found: list[Finding] = []
     for node in cluster.survey(address):
         if "fault" in node:
@@ -85,7 +85,7 @@ def cores() -> list[Finding]:
 
 
 def gpus() -> list[Finding]:
-    """Counts them without taking any memory there."""
+    """Counts GPUs without taking any of their memory."""
     try:
         return [Finding("device=cuda", True, f"trains on {', '.join(devices('cuda'))}")]
     except ConfigError as error:

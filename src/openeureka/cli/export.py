@@ -30,7 +30,7 @@ def export(words: Sequence[str]) -> None:
     if not config.env:
         trust.expect_known(began.env, str(directory), "say env=...")
     task = registry.get(config.env or began.env)
-    text = task.handed_back(graph, source)  # refuses a task that is of no other program
+    text = task.handed_back(graph, source)  # raises for openeureka's own tasks
     if config.to not in ("", task.suite):
         raise ConfigError(f"`{task.env}` comes from {task.suite}, so its rewards go to={task.suite}, not {config.to}.")
     name = f"best/reward_{task.suite}.py"
@@ -39,7 +39,7 @@ def export(words: Sequence[str]) -> None:
 
 
 def _best(directory: Path) -> tuple[str, RewardGraph]:
-    """The reward in `best/`, with its fitted numbers where it has some: its text, and what was accepted of it."""
+    """The reward in `best/`, with fitted numbers where it has some: its text and its accepted graph."""
     source = (artifacts.read(directory, "best/reward.py") or b"").decode(errors="replace")
     with Store.view(directory) as store:
         verdict = store.rewards.verdict(Candidate.of(source).id)

@@ -37,7 +37,7 @@ from .settings import (
 
 class _Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
-        """Ctrl-C ends a command with a word; those that leave something to continue say so themselves."""
+        """Ctrl-C ends a command with one word. Commands that can be continued print how to do so themselves."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -78,7 +78,7 @@ RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
 def _fitting(kind: type[RunConfig | TrainConfig | TuneConfig], words: list[str] | None) -> list[str]:
-    """Raises ConfigError for words that do not fit, before what trains is loaded: that takes seconds."""
+    """Raises ConfigError for words that do not fit, before the trainer is loaded: that takes seconds."""
     parse(kind, words or [])
     return words or []
 
@@ -95,7 +95,7 @@ def run(words: Settings = None) -> None:
     run(words)
 
 
-_MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # which is the run itself
+_MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # `dir` is the run itself
 
 
 @app.command(
@@ -322,7 +322,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _stand_somewhere() -> None:
-    """Raises ConfigError in a directory that somebody has deleted: libraries end there in words of their own."""
+    """Raises ConfigError in a working directory that was deleted: libraries would end with obscure errors there."""
     try:
         os.getcwd()
     except FileNotFoundError:
@@ -333,11 +333,11 @@ _OPTIONS = ("--help", "--version", "--web", "--json")
 
 
 def _undashed(argv: Sequence[str]) -> list[str]:
-    """The words of a command line; after `--` none is an option. Raises ConfigError for a setting that is written with
-    dashes."""
+    """The words of a command line, with a `--` before the words of `feedback`: none after it is an option. Raises
+    ConfigError for a setting that is written with dashes."""
     words = list(argv)
     if words[:1] == ["feedback"] and not {"--", "-h", "--help"} & set(words):
-        words.insert(2, "--")  # what is said to a run may begin with a dash
+        words.insert(2, "--")  # a remark may begin with a dash
     settings = words[: words.index("--")] if "--" in words else words
     for word, following in zip(settings, [*settings[1:], ""], strict=False):
         name, sign, value = word.partition("=")
@@ -351,7 +351,7 @@ _PLAIN = {"±": "+-", "…": "...", "·": "-", "—": "-"}
 
 
 def _print_anything() -> None:
-    """Where a terminal cannot show a character, print one that it can rather than end with a traceback."""
+    """Replace characters that a terminal cannot show, rather than end with a traceback."""
 
     def replace(error: UnicodeError) -> tuple[str, int]:
         assert isinstance(error, UnicodeEncodeError)
@@ -359,7 +359,7 @@ def _print_anything() -> None:
 
     codecs.register_error("eureka", replace)
     for stream in (sys.stdout, sys.stderr):
-        # UTF-8 lacks names of files in older encodings; where Python prints those as they are, they stay.
+        # Names of files in older encodings are not UTF-8: where Python prints their bytes unchanged, that stays so.
         if isinstance(stream, io.TextIOWrapper) and (stream.encoding.lower() != "utf-8" or stream.errors == "strict"):
             stream.reconfigure(errors="eureka")
 
@@ -371,7 +371,7 @@ def _for_a_person(error: BaseException) -> EurekaError | OSError | None:
     """The error that a person can do something about; None where the program is at fault."""
     if isinstance(error, EurekaError) or (isinstance(error, OSError) and (error.errno in _DISK or lacking(error))):
         return error
-    # Loading tasks takes long and may be what failed, and a command that loaded none was ended by none.
+    # Not imported here: loading tasks takes long and may have failed. A command that loaded none did not fail in one.
     if "openeureka.tasks.faults" not in sys.modules:
         return None
     from ..tasks.faults import fault

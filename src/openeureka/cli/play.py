@@ -24,7 +24,7 @@ _MADE_BY = {
     "polished": "which `polish=N` leaves where it finds a better one",
     "robust": "which `eureka robust` leaves",
 }
-"""Policies of a run beside that in `best/`, by what `policy=` calls them."""
+"""Policies of a run besides that in `best/`: what `policy=` calls each, and where it comes from."""
 HUMAN = "human"
 CAPTION = 40
 """Characters that half a picture has room for."""
@@ -69,7 +69,7 @@ def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | st
 
 
 def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | None) -> None:
-    """Write a video, into the run's directory where nothing else is said."""
+    """Write a video, into the run's directory unless `out=` names another place."""
     target = Path(config.out or f"{short_name(env)}.mp4")
     if target.suffix != ".mp4":
         raise ConfigError(f"A video is an MP4: let out= end in .mp4, not {target.suffix or 'in nothing'}.")
@@ -83,7 +83,7 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
 
 
 def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
-    """A policy of a run or a training, which anybody may have made, and its task."""
+    """A policy of a run or a training, and its task. Anybody may have made the directory."""
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
     if policy is not None:
         return policy, Policy.from_bytes(policy).env
@@ -132,8 +132,8 @@ def _env_of(trained: str, wanted: str) -> str:
 
 
 def _trusted(named: str, wanted: str, who: str = "The run") -> str:
-    """The task that is wanted, or else the one that a file names which may come from anybody: that is imported where it
-    is installed, or was typed here before."""
+    """The task that is wanted, else the one that a file names. As the file may come from anybody, its task must be
+    installed, or have been typed on this machine before."""
     if not wanted:
         trust.expect_known(named, who, "add that to the command")
     return wanted or named

@@ -1,6 +1,6 @@
-"""`eureka feedback` and `eureka stop`, a word to a run at work elsewhere, and `eureka ui`, the page to say it on.
+"""`eureka feedback` and `eureka stop`, which speak to a run in another process, and `eureka ui`, the page for that.
 
-None loads PyTorch.
+None of them loads PyTorch.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..types import RemarkKind
 from .settings import PageConfig, only_path, split
 
 PATIENCE = 150.0
-"""[s] in which a run that was asked must have stopped: where epochs are long, keeping a training takes up to 100."""
+"""[s] within which a run must stop when asked to: where epochs are long, saving a training takes up to 100."""
 
 
 def feedback(directory: Path, words: Sequence[str]) -> None:
@@ -48,7 +48,7 @@ def stop(directory: Path) -> None:
 
 
 def _ended(directory: Path) -> bool:
-    """Whether what was stopped came after the run, such as `eureka robust`: resuming it would do nothing."""
+    """Whether the run had ended, and what was stopped came after it, such as `eureka robust`: no resume is needed."""
     with suppress(StoreError), Store.view(directory) as store:
         return store.ended
     return False

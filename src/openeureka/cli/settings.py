@@ -15,7 +15,7 @@ from ..parsing import is_setting, short_path
 
 PYTHON = "The Python that the environment is installed in, if it is not this one: `env=dmc:cheetah-run python=PATH`."
 TRUST = "The directory once more: it agrees to the addresses, files and models that a run from elsewhere names."
-"""What stands beside the settings: a part of `env=`, and a word to `eureka resume` and `eureka robust`."""
+"""Notes in `--help` on words that are no settings: a part of `env=`, and a word of `eureka resume` and `robust`."""
 EXPORTED = ("gymnasium", "mjlab", "isaaclab")
 """Suites that a reward may be written for."""
 
@@ -164,7 +164,7 @@ def describe(kind: type, **more: str) -> str:
     """One line per setting: `key=default` and the first line of its docstring, for `--help`.
 
     Args:
-        more: words that the command takes beside the settings, and what each does.
+        more: words that the command takes besides the settings, and what each does.
     """
     notes = _attribute_docs(kind)
     lines = list[str]()

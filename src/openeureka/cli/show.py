@@ -69,8 +69,8 @@ def show(directory: Path, *, as_json: bool = False) -> None:
 
 
 def tell(lines: Sequence[str]) -> None:
-    """Print tables and sentences. On a terminal a sentence goes on in the next line between two words; a row of a
-    table, whose cells are two blanks apart, where it may."""
+    """Print tables and sentences. On a terminal, sentences are wrapped between words. Rows of a table are not: two
+    blanks between cells tell them apart."""
     text = plain("\n".join(lines))
     if sys.stdout is not None and sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
@@ -83,14 +83,13 @@ def _wrapped(line: str, width: int) -> str:
 
 
 def _said(when: str, remarks: Sequence[Remark]) -> str:
-    """What a person said then, an indented line each."""
+    """The remarks of a person under a title, an indented line each."""
     lines = plain(tables.said(remarks)[:MAX_SAID]).splitlines()
     return "".join([f"\n{when}:", *(f"\n  {line}" for line in lines)]) if lines else ""
 
 
 def _costs(run: RunView) -> list[str]:
-    """Costs that have a limit, of the policies that were played; the report has all, which no terminal is wide enough
-    for."""
+    """The costs with a limit, for the policies that were played. No terminal is wide enough for all; the report is."""
     found = costs.table(run, run.config.cost_limits)
     return ["", *(_lines(found) if found.rows else [])]
 
@@ -142,7 +141,7 @@ def tuned(run: RunView) -> list[str]:
 
 
 def robust_lines(found: Robust) -> list[str]:
-    """What ranges made of the policy, as aligned text."""
+    """What `eureka robust` found, as aligned text."""
     return [
         *_lines(robust.arms(found)),
         *_lines(robust.worlds(found)),
@@ -152,7 +151,7 @@ def robust_lines(found: Robust) -> list[str]:
 
 
 def closing(run: RunView, directory: Path) -> list[str]:
-    """The last lines of what made a run: where everything is, and the command that decides what it left open."""
+    """The last lines of a command that made a run: where everything is, and the command to decide what is open."""
     shown = short_path(directory)
     command = deciding(run, str(shown))
     return [
@@ -176,7 +175,7 @@ def _lines(table: tables.Table) -> list[str]:
 
 
 def facts(run: RunView) -> dict[str, object]:
-    """The run for programs. Under `fitness` is F in training, its maximum over epochs; what is undefined is null."""
+    """The run for programs. `fitness` is F in training, its maximum over epochs. Undefined values are null."""
     best, text, outcome = run.best, run.best_text, run.outcome
     return {
         "settings": dataclasses.asdict(run.config),
@@ -305,7 +304,7 @@ def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[st
 
 
 def _final(outcome: Outcome) -> dict[str, object]:
-    """Every reward of the final trainings, a number a seed, and how much better the best is than the human one."""
+    """Every reward of the race with a number for each seed, and how much better the best is than the human one."""
     rewards = {"best": outcome.method, **{str(place): own for place, own in outcome.rivals.items()}}
     rewards |= {"human": outcome.human, "sparse": outcome.sparse}
     found = outcome.difference

@@ -98,7 +98,7 @@ def context(words: Sequence[str]) -> None:
     env = parse(ContextConfig, words).env
     try:
         recorded = record_states(env)
-    except TaskError as fault:  # F that is not written yet: what there is to write it with is shown all the same
+    except TaskError as fault:  # F is not written yet: whoever writes it needs to see the state
         recorded = record_states(env, scored=False)
         print(fault, file=sys.stderr)
     known = informed(context_of(env), recorded, RunConfig(env=env))
@@ -122,7 +122,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
-    # What a task prints is not part of what is printed here.
+    # What a task prints must not mix with the output.
     with redirect_stdout(sys.stderr):
         (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
@@ -184,7 +184,7 @@ def new(words: Sequence[str]) -> None:
 
 
 def _adapt(path: Path, env: str, intent: str) -> None:
-    """Write the file of an environment of others, and see that it is the same task."""
+    """Write a task file for an environment of another package, and see that it loads."""
     base = registry.get(env)
     with _written(path, base.drafted(class_name(path), path.stem, " ".join(intent.split()))):
         task = registry.get(str(path))
@@ -197,7 +197,7 @@ def _adapt(path: Path, env: str, intent: str) -> None:
 
 @contextmanager
 def _written(path: Path, text: str) -> Generator[None]:
-    """A file that stays only if the block ends well: what is there already is not drafted again."""
+    """Write a file that is deleted if the block raises: a file that exists could not be drafted again."""
     write(path.parent, path.name, text)
     try:
         yield
@@ -209,7 +209,7 @@ def _written(path: Path, text: str) -> Generator[None]:
 class _Tried(NamedTuple):
     task: Task
     bad: int
-    """Worlds whose physics broke down."""
+    """How often the physics of a world broke down."""
     ended: bool
     """Whether an episode ended before its time."""
 

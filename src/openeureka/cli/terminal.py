@@ -1,4 +1,4 @@
-"""The terminal as the host of a run: what it prints while that works, and what it hears while that waits."""
+"""The terminal as the host of a run: what it prints while the run works, and what a person types while it waits."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class TerminalDesk:
     def invite(self, generation: Generation) -> None:
         for films in self._films:
             films.wait()
-        while self._typed_within(0):  # before there was anything to watch: the words count, an Enter ends no wait
+        while self._typed_within(0):  # typed before there was anything to watch: words count, an Enter does not
             self._hear(sys.stdin.readline(), go=False)
         print("\n".join(self._invitation(generation)), flush=True)
 
@@ -99,14 +99,14 @@ class TerminalDesk:
             self._hear(sys.stdin.readline())
 
     def _typed_within(self, seconds: float) -> bool:
-        """Whether there is a line for this process to read; it takes all the time where there is none."""
+        """Whether there is a line for this process to read. Takes the whole time if there is none."""
         if not (self._listening and _in_front()):
             time.sleep(seconds)
             return False
         return bool(select.select([sys.stdin], [], [], seconds)[0])
 
     def _hear(self, line: str, *, go: bool = True) -> None:
-        if not line:  # Ctrl-D: the keyboard is silent from now on, other shells are not
+        if not line:  # Ctrl-D: nothing more comes from this keyboard, but it may from other shells
             self._listening = False
             return
         try:
@@ -116,8 +116,8 @@ class TerminalDesk:
 
 
 def _in_front() -> bool:
-    """Whether what is typed is for this process: a shell's job in the background that reads it is stopped."""
+    """Whether this process is in the foreground: a background job that reads the terminal would be stopped."""
     try:
         return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    except OSError:  # no terminal that a shell shares out
+    except OSError:  # a terminal without job control
         return True

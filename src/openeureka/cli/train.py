@@ -41,7 +41,7 @@ def run(words: Sequence[str]) -> None:
 def resume(words: Sequence[str]) -> None:
     """Continue a run; settings that do not change what is searched may be given anew.
 
-    What the stored settings reach outside the run is agreed to first, see `trust`.
+    A person first agrees to what the stored settings reach outside the run, see `trust`.
     """
     settings, paths = split(words)
     directory = whole_path(only_path(paths, "eureka resume outputs/<time>_cartpole"))
@@ -64,9 +64,9 @@ def resume(words: Sequence[str]) -> None:
 
 
 def _next_search(config: RunConfig, best: Path) -> str:
-    """The command of the same search that begins with what this one found, and leaves behind what a run has of its own.
+    """The command for the same search, beginning with the reward that this one found. It omits what belongs to one run.
 
-    With the seeds that crowned the reward, the same trainings would crown it again.
+    It has an unused seed: with the seeds that chose the reward, the same trainings would choose it again.
     """
     own = {"env", "init", "seed", "dir", "unsafe_no_sandbox"}
     kept = {
@@ -88,7 +88,7 @@ def _keys(words: Sequence[str]) -> set[str]:
 
 
 def _tell(directory: Path, problems: Sequence[str]) -> None:
-    """What the search has found, and what of its report could not be made."""
+    """Print what the search found, and what of its report could not be made."""
     result = RunView.read(directory)
     if (best := result.best_text) is not None:
         print(f"\nBest reward:\n\n{plain(best.source)}")
@@ -97,7 +97,7 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
 
 
 def _close(run: RunView, directory: Path, problems: Sequence[str]) -> None:
-    """What of its report could not be made, and where the rest is."""
+    """Print what of the report could not be made, and where the rest is."""
     for problem in problems:
         print(plain(problem))
     print("\n".join(closing(run, directory)))
@@ -205,7 +205,7 @@ def robust(words: Sequence[str]) -> None:
 
 
 class _Host(Terminal):
-    """One whose searches go on with the bench."""
+    """A terminal whose searches are resumed by running the bench again."""
 
     def __init__(self, command: str) -> None:
         self._command = command
