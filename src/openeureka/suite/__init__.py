@@ -1,4 +1,4 @@
-"""The tasks that come with openeureka: the first users of `openeureka.tasks`, which knows them by this table alone."""
+"""The tasks that come with openeureka. `openeureka.tasks` knows them only by this table."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import TaskError
 
 REWARDS = Path(__file__).parent / "rewards"
-"""What the original authors of the tasks wrote, a reward program each."""
+"""Reward programs by the original authors of the tasks."""
 
 
 def wheel_file(package: str, path: str) -> Path:

@@ -31,8 +31,9 @@ def add_shadow_hand(
     `FFJ3`, drives `A_FFJ3`, collision geoms `C_palm0`). Bodies, joints and drives come in the file's order, and the
     scene keeps its own options.
 
-    Beside the file, as the originals have it: no gravity on the hand, no tendons but the couplings. Left out: friction
-    in the joints (0.001 N m), which costs a constraint row each, and the margin of the joint limits.
+    Unlike in the file, but as in the originals, there is no gravity on the hand, and no tendon except the couplings.
+    Also left out are the margin of the joint limits, and friction in the joints (0.001 N m), which costs a constraint
+    row each.
 
     Args:
         pos: position of the mount in the world [m].

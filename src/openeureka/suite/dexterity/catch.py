@@ -1,4 +1,4 @@
-"""What the tasks share that pass an egg from one hand to the other."""
+"""What the tasks share in which one hand passes an egg to the other."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ EGG_VARIABLES = (
 
 
 class Catch(TwoHands):
-    """Eggs that start at one hand, in any orientation, are wanted at a point over the other."""
+    """Eggs start at one hand, in any orientation. Their goal is a point over the other hand."""
 
     observed_point = "base"
     memory = (*TwoHands.memory, "goal_poses")
     position_noise: ClassVar[float] = 0.0
-    """Of the egg's start, per axis [m]."""
+    """Noise of the egg's start position, per axis [m]."""
     drop_height: ClassVar[float]
     """Height of the egg that ends the episode [m]."""
 

@@ -33,7 +33,7 @@ _TORQUE = 1e3 * CONTROL_DT * _RESPONSE  # [N m] at full action and orientation_s
 class TwoHands(Task):
     """Two Shadow Hands whose fingers follow position targets, and whose bases are fixed or driven by forces.
 
-    A task gives the scene, names what it observes beside the hands and the object, and says when an episode fails and
+    A task gives the scene, names what it observes besides the hands and the object, and says when an episode fails and
     when it succeeds. Success is latched: F is the share of episodes in which it was reached at any time.
     """
 
@@ -43,16 +43,16 @@ class TwoHands(Task):
     ends = "No episode ends early."
     substeps = 2
     num_actions = 52
-    counts_early = True  # also where a success stands when an episode fails: so the published trainings were measured
+    counts_early = True  # also where an episode fails after a success: the published trainings were measured so
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0
     orientation_scale: ClassVar[float] = 0.0
     """The original's scales of the bases' force and torque."""
     observed: ClassVar[tuple[str, ...]] = ()
-    """State variables that are observed beside the hands and the object, in this order."""
+    """State variables that are observed besides the hands and the object, in this order."""
     observed_point: ClassVar[str] = "hand"
-    """Whose position is observed beside the base's turn: the palm's (`hand`) or the mount's (`base`)."""
+    """The point whose position is observed besides the base's turn: the palm (`hand`) or the mount (`base`)."""
     memory = ("successes",)
     joint_noise: ClassVar[float] = 0.0
     """Share of the joint ranges that start angles are spread by."""
@@ -70,7 +70,7 @@ class TwoHands(Task):
         reward_scale=0.01,
     )
 
-    @classmethod  # every other task has but one model
+    @classmethod  # static in every other task
     def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]
         return cls.scene.build()
 
@@ -173,7 +173,7 @@ class TwoHands(Task):
         return torch.cat((s[f"{side}_{self.observed_point}_pos"], 2.0 * turn[:, :3] * turn[:, 3:].sign()), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
-        """Never; tasks with a way to fail say so."""
+        """Never, unless a task says how it fails."""
         return torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
 
     def reset(self, worlds: Tensor) -> None:
@@ -193,7 +193,7 @@ class TwoHands(Task):
         """(N,) what the task is worth as of now: 1 (or True) when it is done, 0 when not."""
 
     def outcome(self, s: State) -> Tensor:
-        """The first success of an episode stands until its end."""
+        """The first success of an episode counts until its end."""
         self.successes = torch.where(self.successes > 0.0, self.successes, self.success(s).to(torch.float32))
         return self.successes
 

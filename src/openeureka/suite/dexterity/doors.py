@@ -64,7 +64,7 @@ class Doors(Handles):
     opens: ClassVar[bool]
     """Whether the doors are to be opened; otherwise closed."""
     offset: ClassVar[float] = 2.0
-    """Of the human reward for closing."""
+    """Offset in the human reward for closing."""
 
     def success(self, s: State) -> Tensor:
         gap = self.handle_gap(s)

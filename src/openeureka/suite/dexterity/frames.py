@@ -1,4 +1,4 @@
-"""Where bodies and sites are, by sensors named like the state variables."""
+"""Poses of bodies and sites, from sensors that are named like the state variables."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ class Frames:
 class Bodies:
     """States of the bodies of the original: of both hands, then of each thing, a fresh (N, B, 13).
 
-    A thing of more than one body begins with an empty base, whose frame is ours of the whole thing. Its body has that
-    frame turned as `LINK`, and so have the parts that move, each at its joint. Before a part with two joints comes the
-    massless one between them, whose row is the part's.
+    A thing of more than one body begins with an empty base, which has the frame of the whole thing here. Then come its
+    main body, in this frame turned by `LINK`, and its moving parts, turned alike, each at its joint. A part with two
+    joints has two equal rows: the original has a massless body between the joints.
 
     Args:
         hands: bodies of both hands, which come first in the model.

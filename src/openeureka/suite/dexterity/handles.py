@@ -1,4 +1,4 @@
-"""What the tasks share in which each hand has a point of its own to reach."""
+"""What the tasks share in which each hand has its own point to reach."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ DROPPED = 0.2  # [m] height of the bucket's point; 0.353 on the table
 
 
 class ShadowHandKettle(Handles):
-    """Nothing looks at the water, in the original either; here there is none."""
+    """There is no water here: in the original, nothing measures it."""
 
     env = "shadow_hand_kettle"
     description = "to make the right hand pour water from the kettle into the bucket that the left hand holds"

@@ -36,7 +36,7 @@ class Thing(Protocol):
     """An object without a place."""
 
     bodies: ClassVar[int]
-    """Of the original: an empty base, the body and its parts; 1 for what is but one piece."""
+    """Bodies in the original: an empty base, the main body and its moving parts; 1 for an object of one piece."""
 
     def build(self, body: mujoco.MjsBody) -> None:
         """Add geoms, moving parts and sites to an empty body."""
@@ -56,7 +56,7 @@ class Egg:
 
 
 CUBE_START: Vector = (math.pi / 2, math.pi / 2, 0)
-"""How the original turns cubes that start on a table [rad]; they look as if unturned."""
+"""How the original turns cubes that start on a table [rad]; a cube looks the same after these turns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What the tasks share in which each hand has a thing of its own, and each thing a goal."""
+"""What the tasks share in which each hand has its own thing, and each thing its own goal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_vari
 
 
 def pair_variables(thing: str, goal: str) -> tuple[StateVar, ...]:
-    """Of two things of a kind and their goals, in words."""
+    """State variables of two things of one kind and of their goals, both named by the arguments."""
     return (
         *thing_variables("object", f"{thing} that starts at the right hand"),
         *goal_variables(f"{goal} of object"),

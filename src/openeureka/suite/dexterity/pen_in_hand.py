@@ -23,7 +23,7 @@ DENSITY = 1000.0  # [kg/m3]
 TILT = 0.3  # [rad] of the start pose, out of the horizontal, either way
 
 TURN = math.radians(30)
-"""From one waypoint to the next, about the pen's own y axis."""
+"""[rad] from one waypoint to the next, about the pen's own y axis."""
 CYCLE = 12
 """Waypoints of one turn of the pen."""
 FIRST_WAYPOINT = -2.0 * math.atan(0.8)
@@ -41,7 +41,7 @@ class PenInHand(ShadowHand):
     random_goals: ClassVar[bool]
     """Whether goals are random orientations; otherwise waypoints."""
     distance_weight: ClassVar[float]
-    """[1/m] of the distance from the goal in the human reward."""
+    """[1/m] Weight of the distance from the goal in the human reward."""
 
     tolerance = 0.0
     """[rad] 0 stands for that of the published goals."""
@@ -50,14 +50,14 @@ class PenInHand(ShadowHand):
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
-        # Waypoints are as hard to reach as published: there, 0.2 rad between quaternions one of which is 1.28 long.
+        # As hard to reach as in the original, which takes 0.2 rad between two quaternions, one of them 1.28 long.
         waypoint = 2.0 * math.asin(math.sin(0.1) * math.cos(FIRST_WAYPOINT / 2))
         self.tolerance = self.tolerance or (0.2 if self.random_goals else waypoint)
         self.first_waypoint = turn_about(0, torch.tensor(FIRST_WAYPOINT, device=self.device))
         self.turn = turn_about(1, torch.tensor(TURN, device=self.device))
 
     def start_rotation(self, worlds: Tensor) -> Tensor:
-        """Along the forearm, tilted by at most 0.3 rad, and rolled about its own axis by a number tied to the tilt."""
+        """Along the forearm, tilted by at most 0.3 rad, and rolled about its own axis by an angle tied to the tilt."""
         u = self.noise.uniform(worlds, 1, -1.0, 1.0)[:, 0]
         return multiply(turn_about(0, 0.5 * math.pi + TILT * u), turn_about(2, math.pi * u))
 
@@ -72,12 +72,13 @@ class PenInHand(ShadowHand):
 
 
 def pen_scene(hand: Sequence[float], start: Vector, goal: Vector) -> mujoco.MjSpec:
-    """The hand at its mount in a height of 0.5 m, turned by `hand` (w x y z), the pen, and a picture of its goal."""
+    """The hand, its mount 0.5 m high and turned by `hand` (w x y z), the pen, and a picture of the pen's goal."""
     spec = mujoco.MjSpec()
     add_shadow_hand(spec, PREFIX, pos=[0, 0, 0.5], quat=hand)
     spec.worldbody.add_light(pos=[0, 0, 5])
     pen = spec.worldbody.add_body(name=OBJECT, pos=start)
-    # The original damps rotation by 0.5 1/s: one coefficient here would hold the roll 100 times more than the spin.
+    # The original damps rotation by 0.5 1/s. Left out, as MuJoCo's one coefficient would damp roll 100 times more than
+    # spin.
     pen.add_freejoint(name=OBJECT)
     add_pen(pen, OBJECT, density=DENSITY, contype=0, conaffinity=1)
     add_pen(add_marker(spec, goal), GOAL, mass=0, contype=0, conaffinity=0)

@@ -60,7 +60,7 @@ class ShadowHandPushBlock(Handles):
         return torch.nn.functional.pad(super().observe(s), (0, 5))  # the original leaves the last five at 0
 
     def success(self, s: State) -> Tensor:
-        """Set once the left block arrives: 1 if the right one is there already, else one half for good."""
+        """0 until the left block arrives; then 1 if the right one is there already, else 0.5 until the episode ends."""
         right = distance(s["block_right_handle_pos"], s["right_goal_pos"]) < ARRIVED
         left = distance(s["block_left_handle_pos"], s["left_goal_pos"]) < ARRIVED
         return torch.where(left, torch.where(right, 1.0, 0.5), 0.0)

@@ -56,7 +56,7 @@ class ShadowHandReOrientation(Pair):
 
     def change_goals(self) -> None:
         """Draw a new orientation where the last step reached a goal."""
-        # Drawn everywhere, taken over where reached: to ask which worlds these are would stall a GPU.
+        # Drawn for all worlds, used where a goal was reached: asking which worlds these are would stall a GPU.
         fresh = tumble(self.noise.uniform(self.everywhere, 2, -1.0, 1.0))
         turns = self.goal_poses[..., 3:]
         turns[:] = torch.where(self.reached[:, None, None], fresh[:, None], turns)

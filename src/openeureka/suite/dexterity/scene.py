@@ -50,7 +50,7 @@ class Placed:
     points: Mapping[str, Vector] = field(default_factory=dict)
     """Points of interest in the thing's base frame [m], by the name of their state variables."""
     link_points: Mapping[str, Vector] = field(default_factory=dict)
-    """The same, where the original turns them like its links."""
+    """Further points, which the original turns like its links."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,7 @@ class Table:
     size: Vector
     centre: tuple[float, float] = (0.0, 0.0)
     friction: float = 1.0
-    """Of every contact with the table, unless 1."""
+    """Friction of every contact with the table, unless it is 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +110,7 @@ class Scene:
 
     def _add_hand(self, spec: mujoco.MjSpec, side: str, hand: Pose) -> None:
         mount = add_shadow_hand(spec, f"{side}_", pos=hand.pos, quat=quaternion(*hand.euler))
-        for site in mount.find_all("site"):  # where the wheel's scenes have touch sensors
+        for site in mount.find_all("site"):  # they are for touch sensors of the wheel's scenes
             spec.delete(site)
         if self.hands_move:
             _unfix(mount, side)
@@ -124,9 +124,9 @@ class Scene:
 
 
 def _unfix(mount: mujoco.MjsBody, side: str) -> None:
-    """Let a hand move, and turn about the point where forces push it, against drag.
+    """Let a hand move, and turn about the point where forces push it, both against drag.
 
-    The original damps every link; a drag that acted on the mount instead would turn a hand that is pushed.
+    The original damps every link. If drag acted on the mount instead, it would turn a hand that is pushed.
     """
     for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):
         mount.add_joint(
@@ -164,5 +164,5 @@ def _add_thing(spec: mujoco.MjSpec, name: str, placed: Placed) -> None:
     if not placed.fixed:
         body.add_freejoint(name=name)
         return
-    for part in body.bodies:  # MuJoCo lets a part collide with what it hangs on if that is fixed to the world
+    for part in body.bodies:  # MuJoCo lets a part collide with its parent if that is fixed to the world
         spec.add_exclude(bodyname1=name, bodyname2=part.name)

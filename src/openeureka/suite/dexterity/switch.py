@@ -30,7 +30,7 @@ class ShadowHandSwitch(Handles):
     observed = ("switch_right_handle_pos", "switch_left_handle_pos")
     handles = ("switch_right_handle_pos", "switch_left_handle_pos")
     pressed: ClassVar[float] = 0.012
-    """What both ends together must sink below 0.7 m each [m]: -0.005 raised, 0.017 at the lower stops."""
+    """How far the two ends must be below 0.7 m, summed [m]: -0.005 when raised, 0.017 at the lower stops."""
     scene = Scene(
         right=PALM_DOWN_RIGHT,
         left=PALM_DOWN_LEFT,

@@ -64,7 +64,7 @@ ROTATION_DISTANCE = StateVar(
 
 
 def raw_variables(scene: Scene, things: Collection[str]) -> tuple[StateVar, ...]:
-    """The tensors that published rewards may read the other variables from, and the rows that `things` are at."""
+    """Tensors from which published rewards may read the other variables, and the rows of `things` in them."""
     names = " and ".join(scene.things)
     parts = ", ".join(f"{placed.thing.bodies} of {name}" for name, placed in scene.things.items())
     bodies = 2 * HAND_BODIES + sum(placed.thing.bodies for placed in scene.things.values())

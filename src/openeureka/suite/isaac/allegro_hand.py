@@ -17,7 +17,8 @@ DAMPING = 0.1  # [N m s/rad]
 MAX_TORQUE = 0.5  # [N m]
 ARMATURE = 0.001  # [kg m2]
 MAX_SPEED = 6.283  # [rad/s]
-# The original clamps joint speeds. Cubic damping balances the drives' largest torque there; at 2 rad/s it is 3 % of it.
+# The original clamps joint speeds. Cubic damping balances the drives' largest torque at MAX_SPEED; at 2 rad/s it is 3 %
+# of that torque.
 SPEED_DAMPING = (0.0, 0.0, MAX_TORQUE / MAX_SPEED**3)
 
 
@@ -155,7 +156,7 @@ def add_link(spec: mujoco.MjSpec, parent: mujoco.MjsBody, name: str, link: Link)
 
 
 def add_shape(body: mujoco.MjsBody, name: str, shape: Shape) -> None:
-    """Touches the cube; what fingers of one hand do to each other is for `add_finger_contacts`."""
+    """Add a shape that touches the cube. Contacts between fingers are left to `add_finger_contacts`."""
     common = {"name": name, "mass": shape.mass, "contype": 1, "conaffinity": 0}
     if any(shape.half):
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=shape.half, pos=shape.at, **common)
@@ -170,7 +171,7 @@ def add_shape(body: mujoco.MjsBody, name: str, shape: Shape) -> None:
 
 
 def add_finger_contacts(spec: mujoco.MjSpec, one: str, other: str) -> None:
-    """Outer links of two fingers cannot pass through each other; without friction, which the original may have."""
+    """Make the outer links of two fingers collide, without friction, which they may have in the original."""
     outer = ("2", "3", "3_tip")
     for a in outer:
         for b in outer:

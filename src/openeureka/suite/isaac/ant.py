@@ -24,7 +24,7 @@ FRICTION = 1.25
 # 0.1 N m at 8 rad/s, 0.6 % of the weight at 6 m/s.
 SPIN_DAMPING = (0.0, 0.0, 2.3e-4)
 # Leg: direction of its diagonal in x and y (forward and left), ankle axis, ankle range [deg]. The names are the
-# original's, of which three do not say where the leg is.
+# original's; three of them are wrong about where the leg is.
 LEGS = {
     "front_left": ((1, 1), (-1, 1, 0), (30, 100)),
     "front_right": ((-1, 1), (1, 1, 0), (-100, -30)),

@@ -134,7 +134,7 @@ class Anymal(Task):
     def model() -> mujoco.MjSpec:
         """ANYmal C's inertias and primitive collision shapes, legs mirrored from the left front one.
 
-        Left out: the 0.14 kg hatch, whose inertia in the original is not a possible one.
+        Left out: the 0.14 kg hatch, whose inertia in the original is physically impossible.
         """
         spec = mujoco.MjSpec()
         spec.compiler.degree = False

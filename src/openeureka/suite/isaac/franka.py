@@ -22,13 +22,13 @@ ARM_RANGES = (
 FINGER_RANGE = (0.0, 0.04)  # [m]
 EFFORT = (*[87.0] * 4, *[12.0] * 3, *[200.0] * 2)  # [N m, N]
 MAX_SPEED = (*[2.175] * 4, *[2.61] * 3, *[0.2] * 2)  # [rad/s, m/s]
-# The original's fingers have 1e6 and 100, which diverges here. With these a finger pushes with its whole effort at a
-# distance of 2 cm, and runs at its limit of speed there.
+# The original's fingers have 1e6 and 100, which diverges here. With these, a finger that is 2 cm from its target pushes
+# with its full effort, and moves at its speed limit.
 STIFFNESS = (*[400.0] * 7, *[1e4] * 2)
 DAMPING = (*[80.0] * 7, *[1e3] * 2)
-# [kg m^2, kg] Contacts give way by the mass behind them: fingers of 22 g would sink 6 mm into what they hold.
+# [kg m^2, kg] The less mass is behind a contact, the softer it is: fingers of 22 g would sink 6 mm into what they hold.
 ARMATURE = (*[0.1] * 7, *[1.0] * 2)
-# A drive pulled this far ahead of its joint settles at the joint's limit of speed, which PhysX enforces.
+# A drive whose target is this far ahead of the joint moves it at the joint's speed limit, which PhysX enforces.
 MAX_LEAD = tuple(
     speed * damping / stiffness for speed, damping, stiffness in zip(MAX_SPEED, DAMPING, STIFFNESS, strict=True)
 )
@@ -76,7 +76,7 @@ def _straighten_wrist(spec: mujoco.MjSpec) -> None:
 
 
 def _collide(spec: mujoco.MjSpec, contype: int, conaffinity: int) -> None:
-    """Replace the collision geoms' masses, the fingers' geoms and the filters."""
+    """Replace the collision geoms' masses, the fingers' geoms and the collision filters."""
     for geom in spec.geoms:
         if not geom.meshname:
             spec.delete(geom)  # capsules along the longer fingers

@@ -164,7 +164,7 @@ class FrankaCabinet(Task):
 
     @staticmethod
     def model() -> mujoco.MjSpec:
-        """The arm of the wheel before a cabinet made of boxes.
+        """The arm of the wheel in front of a cabinet made of boxes.
 
         The 16 cubes are fixed in the drawer. Free ones would cost five sixths of the speed; friction holds them up to
         an acceleration of 1 g, and only the drawer's inertia feels them.
@@ -312,8 +312,8 @@ class FrankaCabinet(Task):
     def fitness(self, s: State, ended: Tensor) -> Score:
         """Share of the episodes that open the drawer.
 
-        Each weighs its full length, step by step and the rest on success: among the finished ones alone, those that
-        succeed early would at first have no others beside them.
+        Each has the weight of its full length: 1 in each step, and on success all that is left. If only finished
+        episodes counted, at first these would be just the ones that succeed early.
         """
         full = self.time_limit()
         opened = self.terminated(s) & ended

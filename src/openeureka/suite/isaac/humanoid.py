@@ -1,7 +1,8 @@
 """Humanoid: 21 joints, 41 kg, running upright.
 
-The legs collide, and the original's random start angles cross them in a quarter of the episodes, by up to 10 cm. It is
-kept: the contacts part them within a few steps, at joint speeds below 30 rad/s against 15 rad/s in other falls.
+The legs can collide, and in a quarter of the episodes the original's random start angles make them overlap by up to
+10 cm. It is kept: contacts part them within a few steps, at joint speeds below 30 rad/s, against 15 rad/s in other
+falls.
 """
 
 from __future__ import annotations

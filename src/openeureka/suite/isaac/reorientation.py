@@ -47,7 +47,7 @@ class Reorientation(Task):
     object_start: ClassVar[Vector]
     """Middle of the object's start positions [m]."""
     goal_position: ClassVar[Vector]
-    """[m]"""
+    """Where the object should stay [m]."""
     tolerance: float = 0.1
     """Angle from its goal at which the object has reached it [rad]."""
     vel_obs_scale = 0.2
@@ -163,7 +163,7 @@ class Reorientation(Task):
         rotation = xyzw(self.qpos[:, self.num_dofs + 3 :])
         reached = (rotation_distance(rotation, self.goal_rot) <= self.tolerance) & (self.progress > 0)
         self.goals_reached += reached
-        # Made everywhere, taken over where reached: to ask which worlds these are would stall a GPU.
+        # Drawn for all worlds, used where a goal was reached: asking which worlds these are would stall a GPU.
         self._set_goals(self.everywhere, torch.where(reached[:, None], self.next_goal(), self.goal_rot))
 
     def fitness(self, s: State, ended: Tensor) -> Score:
@@ -200,9 +200,9 @@ def reorientation_recipe(hidden: tuple[int, ...]) -> Recipe:
 
 
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:
-    """The cube and, beside its goal position, a picture of the goal; both wear the wheel's lettered faces.
+    """Add the cube, a light and, beside the goal position, a picture of the goal. Faces are lettered as in the wheel.
 
-    A light too. Add them last: `Reorientation` takes what comes before for the hand.
+    Call this last: `Reorientation` takes everything before it for the hand.
     """
     spec.worldbody.add_light(pos=[0, 0, 5])
     picture = wheel_file("gymnasium_robotics", "envs/assets/textures/block.png")
@@ -220,7 +220,7 @@ def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, go
 
 
 def add_marker(spec: mujoco.MjSpec, goal: Vector) -> mujoco.MjsBody:
-    """The body that turns as the goal says, beside the goal position: give it the object's looks."""
+    """Add a body beside the goal position that shows the goal's orientation; give it the object's looks."""
     position = [a + b for a, b in zip(goal, MARKER_OFFSET, strict=True)]
     return spec.worldbody.add_body(name=GOAL, mocap=True, pos=position)
 
