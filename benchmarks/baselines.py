@@ -6,10 +6,10 @@
     python benchmarks/baselines.py --reward human --threads 1    # beside another such process, on other tasks
 
 The rewards and seeds of a task are lanes of a run such as `eureka train` makes, under `outputs/baselines/`: the same
-command goes on where it was broken off, and `eureka ui outputs/baselines` shows it.
+command goes on where it was interrupted, and `eureka ui outputs/baselines` shows it.
 `benchmarks/results/baselines.json` is written after each task, and seeds that it holds are not trained again. The
 package ships its summary (`src/openeureka/suite/baselines.json`): `eureka envs` shows it, and scores read it where the
-human and the sparse reward were not trained along.
+run did not train the human and the sparse reward itself.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def missing(entry: Record, seeds: int, rewards: Sequence[str] = OWN_REWARDS) -> 
 
 
 def settings(env: str, steps: int, worlds: int) -> Record:
-    """What a number depends on beside its reward and seed."""
+    """What a number depends on besides its reward and seed."""
     recipe = registry.get(env).recipe
     return {
         "env_steps": steps or recipe.env_steps,
@@ -49,7 +49,7 @@ def settings(env: str, steps: int, worlds: int) -> Record:
 
 
 def measure(env: str, entry: Record, wanted: Sequence[Wanted], options: argparse.Namespace) -> Record:
-    """One record a lane, of those wanted and of what an earlier call began."""
+    """One record per lane: of those wanted, and of those that an earlier call began."""
     config = TrainConfig(
         env=env,
         steps=entry["env_steps"],
@@ -131,7 +131,7 @@ def main(words: Sequence[str] | None = None) -> None:
             print(f"{env}: all is known")
             continue
         learned = measure(env, entry, lanes, options)
-        # What diverged is a result, and what died with its worker is none.
+        # A lane that diverged is a result. One that died with its worker is not.
         done = entry["lanes"] | {name: lane for name, lane in learned.items() if lane["state"] != "failed"}
         entry["lanes"] = {name: done[name] for name in sorted(done, key=_place)}
         found = dict(sorted({**read(options.out), env: entry}.items()))  # others may have written

@@ -1,11 +1,11 @@
-"""How good is the reward that a schedule chooses? From trainings that are known whole; nothing trains here.
+"""How good is the reward that a schedule chooses? Computed from complete trainings; nothing trains here.
 
     python benchmarks/choices.py      # the table, also in docs/reference/measurements.md
 
 A schedule sees the trainings of one seed, and cuts by one number at its rungs. The reward that it chooses is judged by
-trainings with the other seeds. Two numbers to cut by, of two studies: what policies play at the rungs (`rungs.py`,
-short trainings), and F in the window of the curves (`predictors.py`, judged by held-out F of `choosing.py`). All
-schedules choose in the same searches, so they are compared search by search.
+trainings with the other seeds. There are two numbers to cut by, each with its study: F that policies play at the rungs
+(`rungs.py`, short trainings), and F in the window of the curves (`predictors.py`, judged by held-out F of
+`choosing.py`). All schedules choose in the same searches, so they are compared search by search.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
     "all end at 1/4": (Rung(1 / 4, 0.0),),
     "all end at 1/8": (Rung(1 / 8, 0.0),),
 }
-"""Where candidates pause, and how many of them go on; where none does, the first is chosen there."""
+"""Where candidates pause, and what share of them goes on; where none does, the leading one is chosen there."""
 MINUS = "minus `full`, 95 % interval"
 TITLES = (
     *("schedule", "steps, of all", "cut by played F, ± standard error", MINUS),
@@ -49,9 +49,9 @@ class Search:
     """The trainings of one task and seed, by reward."""
 
     told: Mapping[str, Mapping[float, float]]
-    """What a schedule cuts by, by share of the training."""
+    """The number that a schedule cuts by, at each share of the training."""
     end: Mapping[str, float]
-    """What whole trainings are chosen by: F of the policy that stands for each, played."""
+    """The number that whole trainings are chosen by: played F of the policy that stands for each."""
     worth: Mapping[str, float]
     """F of trainings with the other seeds."""
 
@@ -70,7 +70,7 @@ class Search:
 
 
 def by_play() -> Iterator[Search]:
-    """Those of `rungs.py`. For a whole training stands the best of its policies at the rungs, as in a search."""
+    """The searches of `rungs.py`. The best policy at any rung stands for a whole training, as in a search."""
     for _, _, scores in rungs.studied(read(rungs.RESULTS)):
         for seed in rungs.common_seeds(scores):
             yield Search(
@@ -81,7 +81,7 @@ def by_play() -> Iterator[Search]:
 
 
 def by_window() -> Iterator[Search]:
-    """Those of tasks whose curves and held-out scores are both known, of seeds that most rewards trained with."""
+    """Searches on tasks whose curves and held-out scores are both known, with seeds that most rewards trained with."""
     curves, judged = read(predictors.RESULTS), read(choosing.RESULTS)
     for env in (env for env in choosing.STEPS if env in curves and env in judged):
         lanes = judged[env]["lanes"]
@@ -106,13 +106,13 @@ def by_window() -> Iterator[Search]:
 
 
 def _held_out(lanes: Mapping[str, Record], reward: str, but: int) -> float | None:
-    """Mean over the other seeds, of the policy that stands for each training."""
+    """Held-out F of the policy that stands for each training, mean over all seeds except `but`."""
     others = [lanes[lane] for seed in choosing.SEEDS if seed != but and (lane := lane_id(reward, seed)) in lanes]
     return mean([one["held_out"][choosing.standing(one)]["fitness"] for one in others if one["held_out"]])
 
 
 def rows() -> list[tuple[str, ...]]:
-    """A row a schedule."""
+    """One row per schedule."""
     studies = [*by_play()], [*by_window()]
     return [(title, *_row(studies, schedule)) for title, schedule in SCHEDULES.items()]
 

@@ -53,7 +53,7 @@ STEPS = {
     "shadow_hand_door_open_outward": 600_000,
     "shadow_hand_push_block": 600_000,
 }
-"""Of each lane: about where the human reward has begun to reach something."""
+"""Environment steps of each lane: about as many as the human reward takes to reach something."""
 SEEDS = (0, 1, 2)
 """The first is the search's; the others are fresh."""
 PEAKS: tuple[Peak, ...] = get_args(Peak)
@@ -145,8 +145,8 @@ def _record(
 
 
 def ranking(measured: Record) -> list[tuple[str, ...]]:
-    """A row a task: rank correlation of F in training, and of F when played, with held-out F of the same policy and of
-    fresh trainings; and held-out F in fresh trainings of the reward that each would crown."""
+    """One row per task: rank correlation of F in training, and of F when played, with held-out F of the same policy and
+    of fresh trainings; and held-out F in fresh trainings of the reward that each would crown."""
     return [_ranking(env, measured[env]["lanes"]) for env in STEPS if env in measured]
 
 
@@ -175,8 +175,8 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
 
 
 def _best_of(scored: Sequence[tuple[float | None, float | None]], count: int) -> float | None:
-    """The highest fresh F of so many that lead by another score. Where too many are level, mean over all ways to take
-    some of them: nothing tells them apart."""
+    """The highest fresh F among the `count` that lead by another score. Where too many are level there, the mean over
+    all ways to pick among them: nothing tells them apart."""
     last = sorted((rank(by) for by, _ in scored), reverse=True)[:count][-1]
     above = [fresh for by, fresh in scored if rank(by) > last]
     level = [fresh for by, fresh in scored if rank(by) == last]
@@ -184,13 +184,13 @@ def _best_of(scored: Sequence[tuple[float | None, float | None]], count: int) ->
 
 
 def _searched(lanes: Mapping[str, Record]) -> dict[str, Record]:
-    """Records with the search's seed, by reward; the human one and those without a score left out."""
+    """Records with the search's seed, by reward, without the human one and those that have no score."""
     own = {name: lanes[lane_id(name, SEEDS[0])] for name in generated(lanes)}
     return {name: one for name, one in own.items() if one["held_out"] and one["training"] is not None}
 
 
 def generated(lanes: Mapping[str, Record]) -> list[str]:
-    """The rewards but for the human one."""
+    """All rewards except the human one."""
     return sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
 
 
@@ -206,7 +206,7 @@ def _score(record: Record, peak: Peak) -> float:
 
 
 def _seeds(lanes: Mapping[str, Record], name: str) -> list[int]:
-    """Further ones that are done."""
+    """The further seeds that are done."""
     return [seed for seed in SEEDS[1:] if lane_id(name, seed) in lanes]
 
 
@@ -217,20 +217,20 @@ def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
 
 
 def _correlation(xs: Sequence[float], ys: Sequence[float]) -> str:
-    """Spearman's; a dash where one side is constant."""
+    """Spearman's rank correlation; a dash where one side is constant."""
     found = correlation(xs, ys)
     return "-" if found is None else f"{found:.2f}"
 
 
 def fewer(measured: Record) -> list[tuple[str, ...]]:
-    """A row a task with fresh seeds: F of the reward that is chosen from so many, over all ways to draw them."""
+    """One row per task with fresh seeds: F of the reward chosen from 1, 2, 4 or 8, mean over all ways to draw them."""
     known = {env: measured[env]["lanes"] for env in STEPS if env in measured}
     return [_fewer(env, lanes) for env, lanes in known.items() if _fresh(lanes, "human") is not None]
 
 
 def _fewer(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
-    """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh ones: of several
-    that play alike, by the mean."""
+    """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh seeds. Rewards
+    that play alike are judged by their mean."""
     played = {name: _score(one, standing(one)) for name, one in _searched(lanes).items()}
     again = {name: score for name in played if (score := _fresh(lanes, name)) is not None}
     fresh = [
@@ -246,7 +246,7 @@ def _fewer(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
 
 
 def checkpoints(measured: Record) -> list[tuple[str, ...]]:
-    """A row a task: held-out F by the policy that stands for a lane, mean over all lanes of all seeds."""
+    """One row per task: held-out F by the policy that stands for a lane, mean over all lanes of all seeds."""
     rows = []
     for env in (env for env in STEPS if env in measured):
         lanes = [one for one in measured[env]["lanes"].values() if set(one["held_out"]) == set(PEAKS)]

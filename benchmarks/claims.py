@@ -1,15 +1,15 @@
-"""What the paper claims of its parts, asked here: docs/reference/headline.md has the answers.
+"""Tests what the paper claims about its parts: docs/reference/headline.md has the answers.
 
     python benchmarks/claims.py                        # what is missing; about four hours on 2 cores
     python benchmarks/claims.py --env ant --groups first reflection
 
-A group is the eight replies to one prompt: the first of them those of the task's row in the table, the others in
-`benchmarks/claims/TASK.json`, or where a longer search asked them in `benchmarks/longer/TASK.json`. Groups differ in
-that prompt or in the model: the first prompt of a search; the second with reward reflection, as our searches send it;
-the same with the score alone; that of a search which began with the human reward; the first prompt again, answered by
-the embedded model. The second prompts tell of the trainings of the task's row in the table. All rewards
-train alike, with one seed that nothing was chosen by, and are judged in the same held-out episodes. Claims are about
-groups, so the spread is that over rewards. A group is a run under `outputs/claims/`; one that was killed goes on.
+A group is the eight replies to one prompt. Those of the first group are from the task's row in the table, the others
+from `benchmarks/claims/TASK.json`, or from `benchmarks/longer/TASK.json` where a longer search asked for them. Groups
+differ in the prompt or in the model: the first prompt of a search; the second with reward reflection, as our searches
+send it; the same with the score alone; the first prompt of a search which began with the human reward; the first prompt
+again, answered by the embedded model. The second prompts tell of the trainings of the task's row in the table. All
+rewards train alike, with one seed that nothing was chosen by, and are judged in the same held-out episodes. Claims are
+about groups, so the spread is that over rewards. A group is a run under `outputs/claims/`; one that was killed goes on.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
 ROWS = load(headline.PLAN).per_task
 LONGER = tuple(env for env in load(longer.PLAN).tasks if env != "ant")
-"""Tasks whose second prompt a longer search sent: all that have such a search, but Ant, which was asked before."""
+"""Tasks whose second prompt a longer search sent: all that have such a search, except Ant, which was asked before."""
 STEPS = {env: ROWS[env]["steps"] for env in ("ant", "ballbalance", "quadcopter", *LONGER)}
-"""Of each lane: those of the task's row."""
+"""Environment steps of each lane: those of the task's row."""
 SEED = 300
-"""Of all trainings: no search of these rewards used it."""
+"""The seed of all trainings: no search of these rewards used it."""
 GROUPS = {
     "first": "first generation",
     "reflection": "second, with reflection",
@@ -52,7 +52,7 @@ CLAIMS = {
     "Beginning with the human reward helps": ("init", "first"),
     "A stronger model writes better rewards": ("first", "local"),
 }
-"""Which group should score more than which."""
+"""Claim -> the group that should score more, and the one it is compared with."""
 TITLES = ("task", "rewards", "accepted", "F held out, mean", "the best of them", "human")
 ANSWERS = ("claim", "task", "difference of means, 95 % interval", "holds here")
 
@@ -79,7 +79,7 @@ def left(measured: Mapping[str, Record]) -> Iterator[tuple[str, str]]:
 
 
 def measure(env: str, group: str) -> Record:
-    """Held-out F of a group's rewards; of the human one too, beside the first group."""
+    """Held-out F of a group's rewards; with the first group, of the human one too."""
     replies = asked(env, group)
     rewards = accepted(env, replies)
     others = ["human"] if group == "first" else []
@@ -92,12 +92,12 @@ def measure(env: str, group: str) -> Record:
 
 
 def scored(row: Record) -> list[float]:
-    """Without the rewards whose training gave no score."""
+    """The scores of a group, without rewards whose training gave none."""
     return [score for score in row["scores"] if score is not None]
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task and group."""
+    """One row per task and group."""
     return [
         (
             *(env, title, f"{len(row['scores'])} of {row['replies']}", spread(scored(row))),
@@ -110,7 +110,7 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def compared(measured: Mapping[str, Record], better: str, worse: str) -> dict[str, tuple[list[float], list[float]]]:
-    """Scores of two groups by task, where both have some and these differ: else nothing says how far chance goes."""
+    """Scores of two groups by task, where both have several and some differ: else nothing says how far chance goes."""
     rows = {env: (own[better], own[worse]) for env, own in measured.items() if better in own and worse in own}
     found = {env: (scored(own), scored(other)) for env, (own, other) in rows.items()}
     return {env: both for env, both in found.items() if min(map(len, both)) > 1 and any(map(variance, both))}
@@ -130,7 +130,8 @@ def together(groups: Iterable[tuple[list[float], list[float]]]) -> list[float]:
 
 
 def answers(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a claim and task, and one for all tasks of a claim. On a task, and over all, the claims hold together."""
+    """One row per claim and task, and one per claim over all its tasks. The intervals of one task hold together, and so
+    do those over all tasks."""
     found = []
     for claim, (better, worse) in CLAIMS.items():
         groups = compared(measured, better, worse)

@@ -4,8 +4,8 @@
     python benchmarks/cluster.py --part scale         # 10,000 lanes on 200 slots, which only sleep and report
     python benchmarks/cluster.py --tiny               # whether it runs
 
-Each part is written when it is done. Wall times compare within a part only, and only on a quiet machine; in `faults`
-rows are compared to the bit, in `scale` the driver's CPU time counts.
+Each part is written when it is done. Wall times can be compared only within a part, and only on a quiet machine.
+`faults` compares rows to the bit; in `scale` the driver's CPU time counts.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ from openeureka.worker import Frame, framed, unframed
 RESULTS = results("cluster")
 NODE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127.0.0.1", "include_dashboard": False}
 SYSTEM = {"worker_niceness": 0}
-"""Beside what else this machine does, workers of a cluster have the rights of local ones."""
+"""Workers of a cluster get the same priority on this machine as local ones."""
 ENV = "ant"
 SLOTS, HOSTS, LANES, TOGETHER = 200, 20, 10_000, 5
-"""Of `scale`: slots, on so many processes, lanes, and lanes of a population."""
+"""For `scale`: slots, the processes that they share, lanes, and lanes of a population."""
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def lanes(count: int) -> list[LaneSpec]:
 def timed(
     trainer: Trainer, count: int, budget: TrainBudget, each: Callable[[object], object] = id
 ) -> tuple[float, Any]:
-    """Seconds, and the rows."""
+    """Seconds of a training, and its results by lane."""
     begun, rows = time.monotonic(), {}
     for message in trainer.train(ENV, lanes(count), budget):
         each(message)
@@ -95,7 +95,7 @@ def timed(
 
 
 def overhead(tiny: bool) -> dict[str, object]:
-    """A core here and a core of a cluster, in turn, with the same lanes."""
+    """Train the same lanes on a core here and on a core of a cluster, in turn."""
     budget = TrainBudget(env_steps=20_000 if tiny else 1_000_000, worlds=256)
     here: list[float] = []
     there: list[float] = []
@@ -111,8 +111,8 @@ def overhead(tiny: bool) -> dict[str, object]:
 
 
 def scaling(tiny: bool) -> dict[str, object]:
-    """The same lanes on a node of one core, then on two, minutes long as starts count; and on a worker of this
-    machine, then on two, which is what the machine itself gives."""
+    """Train the same lanes on one node of a core, then on two; for minutes, as starts count. The same on one and two
+    workers without Ray shows what the machine itself gains."""
     budget = TrainBudget(env_steps=20_000 if tiny else 1_000_000, worlds=256)
     here, halved = (timed(LocalExecutor(threads=threads), 4, budget)[0] for threads in (1, 2))
     with cluster(1) as made:
@@ -131,7 +131,7 @@ def scaling(tiny: bool) -> dict[str, object]:
 
 
 def faults(tiny: bool) -> dict[str, object]:
-    """What each costs beside an undisturbed training, with a snapshot every few seconds."""
+    """What each fault costs compared with an undisturbed training, with a snapshot every few seconds."""
     retry.SNAPSHOT_SECONDS = 1.0 if tiny else 5.0
     budget = TrainBudget(env_steps=60_000 if tiny else 200_000, worlds=256)
     found: dict[str, object] = {"snapshot_every_s": retry.SNAPSHOT_SECONDS}
@@ -153,7 +153,7 @@ def faults(tiny: bool) -> dict[str, object]:
             return timing
 
         def hurt(raylet: bool, number: signal.Signals) -> None:
-            """An actor of the node that this process is no part of, and its raylet if that too is meant."""
+            """Send a signal to an actor of a node other than the head and, with `raylet`, to its raylet."""
             parents = {node.all_processes["raylet"][0].process.pid for node in made.worker_nodes}
             actor, parent = next((pid, parent) for pid, parent in actors().items() if parent in parents)
             for pid in (parent, actor) if raylet else (actor,):
@@ -191,14 +191,14 @@ def faults(tiny: bool) -> dict[str, object]:
 
 
 def alive(made: Any) -> bool:
-    """Whether a node beside the head is."""
+    """Whether a node besides the head is alive."""
     import ray
 
     return not ray.is_initialized() or sum(node["Alive"] for node in ray.nodes()) > 1
 
 
 def actors() -> dict[int, int]:
-    """Pids of actors that train, with that of their raylet."""
+    """Pid of each actor that trains -> pid of its raylet."""
     found: dict[int, int] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -210,7 +210,7 @@ def actors() -> dict[int, int]:
 
 
 def driver(address: str, folder: Path) -> dict[str, object]:
-    """`eureka train` killed in the middle, and typed again: what is stored is what an undisturbed one stores."""
+    """`eureka train` killed in the middle, and typed again: it should store what an undisturbed one stores."""
 
     def words(name: str) -> list[str]:
         settings = ["env=cartpole", "reward=human", "seeds=2", "steps=400000"]
@@ -238,7 +238,7 @@ def driver(address: str, folder: Path) -> dict[str, object]:
 
 
 def curves(directory: Path) -> dict[str, object]:
-    """Of every lane that a run stores, with its row but for the time it took."""
+    """Row and curves of every lane that a run stores, without the time that it took."""
     from openeureka import open_run
 
     found = open_run(directory).lanes.items()
@@ -246,7 +246,7 @@ def curves(directory: Path) -> dict[str, object]:
 
 
 class Sleeper:
-    """Trains nothing: it says it is at it, for some seconds, in place of `ray_node.Share`."""
+    """Stands in for `ray_node.Share`: trains nothing, but reports progress for some seconds."""
 
     def serve(self, request: bytes, device: str, threads: int, seconds: float) -> Iterator[bytes]:
         yield framed({"node": ray_node.about()})
@@ -270,7 +270,7 @@ def told(message: TrainingEvent) -> bytes:
 
 
 class Hosted(ActorCall):
-    """One of the slots of a process: it neither ends it, nor is the process's death its fault."""
+    """One of the slots that share a process: it does not end the process, and is not blamed for the process's death."""
 
     def _ending(self, error: Exception) -> WorkerLost:
         return WorkerLost(str(error))
@@ -279,7 +279,7 @@ class Hosted(ActorCall):
 
 
 class Hosts:
-    """A `Transport` of many slots on few processes: 200 of them would fill this machine's memory."""
+    """A `Transport` of many slots on few processes: 200 processes would fill this machine's memory."""
 
     def __init__(self, ray: Any, seconds: float) -> None:
         self.ray, self.seconds = ray, seconds
@@ -314,7 +314,7 @@ class Hosts:
 
 
 def scale(tiny: bool) -> dict[str, object]:
-    """10,000 lanes on 200 slots, a tenth of which die amid it."""
+    """10,000 lanes on 200 slots, of which a tenth die on the way."""
     count = LANES // 20 if tiny else LANES
     with cluster(1) as made:
         ray = RayExecutor(threads=1, address=made.address)._ray
@@ -358,7 +358,7 @@ TITLES = ("what happens in a training", "seconds", "more than undisturbed", "sam
 
 
 def costs(measured: dict[str, Any]) -> list[tuple[str, ...]]:
-    """A row a fault: how long a training of two lanes took with it."""
+    """One row per fault: how long a training of two lanes took with it."""
     parts = {name: part for name, part in measured["faults"].items() if isinstance(part, dict) and "seconds" in part}
     rows = [
         (name, part["seconds"], part.get("cost_s", 0.0), part.get("same_rows", True)) for name, part in parts.items()

@@ -1,7 +1,7 @@
-"""What a training step costs beside bare physics, part by part, in CPU time: a busy machine matters less.
+"""What a training step costs compared with bare physics, part by part, in CPU time: a busy machine matters less.
 
     python benchmarks/cost.py                                   # the tasks below; some minutes
-    python benchmarks/cost.py --env ant --repeats 5             # one of them, whose row alone is replaced
+    python benchmarks/cost.py --env ant --repeats 5             # one of them; only its row is replaced
 
 Bare physics and training take turns in one process; the ratio is that of the median costs of one environment step, all
 threads together. Bare physics never resets here. In `benchmarks/throughput.py`, which counts steps a second of wall
@@ -116,7 +116,7 @@ def measure(env: str, repeats: int, worlds: int = 0) -> Record:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row a task, in microseconds."""
+    """One row per task, in microseconds."""
     return [
         [env, *(f"{value:.0f}" for value in _microseconds(found)), f"{found['training_over_bare_speed']:.2f}"]
         for env, found in measured.items()

@@ -1,12 +1,12 @@
-"""What a run loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
+"""What a run loses when it is killed: SIGKILL at its k-th step, for every possible k, and each time a resumption.
 
     python benchmarks/crashes.py                    # every point; writes benchmarks/results/crashes.json
-    python benchmarks/crashes.py --stride 5         # every fifth point of each mode; kept with --out alone
+    python benchmarks/crashes.py --stride 5         # every fifth point of each mode; kept only with --out
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, tryouts. So are searches that cut lanes, that
-screen rewards and that carry a policy on, a training of given rewards, as of `eureka train`, and the fitting of a
-reward's numbers, as of `eureka tune`. Steps are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, tryouts. Further scripted runs are searches that
+cut lanes, screen rewards and carry a policy on, a training of given rewards as by `eureka train`, and the fitting of a
+reward's numbers as by `eureka tune`. Steps are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
@@ -45,7 +45,7 @@ from openeureka.types import Candidate, Generation, Place, Prompt, Remark, Remar
 
 RESULTS = results("crashes")
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
-"""With what the trainer says of its errors two rewards are level with the best one: they play again, and race."""
+"""With the errors that the trainer states, two rewards are level with the best one: they play again, and race."""
 SCRIPT = [
     *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
     *("```python\nstill wrong\n```", reply(3)),
@@ -72,7 +72,7 @@ class MeteredModel(ScriptedModel):
 
 @dataclass
 class Person:
-    """Says three things of each generation, and none of them twice: who was killed remembers what is kept."""
+    """Says three things of each generation, none of them twice: after a kill it goes by the remarks in the store."""
 
     store: Store
 
@@ -86,7 +86,7 @@ class Person:
 
 
 REPLIES = 17
-"""Of the uninterrupted run: 3 + 1 + 1, 3 + 2, then 3 + 1 + 2 + 1."""
+"""Replies of the uninterrupted run: 3 + 1 + 1, 3 + 2, then 3 + 1 + 2 + 1."""
 
 
 class Countdown:
@@ -149,7 +149,7 @@ MODES: Mapping[str, Callable[[Countdown], None]] = {"around": around, "within": 
 
 
 def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
-    """The search from wherever the directory has it to its end."""
+    """Run the search to its end, from the point that the directory has reached."""
     with Store.open(directory, config) as store:
         model = MeteredModel(SCRIPT, store=store)
         trainer, strategy = ToyTrainer(error=0.5), strategies.make(config)
@@ -161,7 +161,7 @@ SCREENED = [reply(4), *(reply(-3), "nothing", reply(8))]
 
 
 def whole_screen(directory: Path) -> None:
-    """Two generations, of the second of which one of two programs trains."""
+    """Two generations; in the second, one of two programs trains."""
     with Store.open(directory, SCREEN) as store:
         model, strategy = MeteredModel(SCREENED, store=store), strategies.make(SCREEN)
         run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, tell, ToyDesk())
@@ -183,7 +183,7 @@ TUNED = replace(GIVEN, tune=10, sample=4, seeds=3)
 
 
 def whole_tuning(directory: Path) -> None:
-    """The two numbers of a reward, of which one decides F and the other nothing, as far as the directory lacks it."""
+    """Tune the two numbers of a reward, as far as the directory lacks it: one decides F, the other changes nothing."""
     candidate = Candidate.of("def compute_reward(x):\n    y = 2.0 * x\n    return 3.0 * y\n")
     with Store.open(directory, TUNED) as store:
         tuning.keep(store, candidate, ToyChecker().check(candidate))
@@ -201,7 +201,7 @@ WHOLE: Mapping[str, Callable[[Path], None]] = {
 
 
 def in_child(work: Callable[[], None]) -> int:
-    """Run in a fork, so that Python starts once for all of them; the signal that ended it, or 0."""
+    """Run in a fork, so that Python starts once for all of them; returns the signal that ended it, or 0."""
     child = os.fork()
     if child == 0:
         work()
@@ -240,7 +240,7 @@ class Outcome:
     same_files: int = 0
     """Byte for byte, the best reward and its policy among them."""
     replies_asked_again: int = 0
-    """Over all points; one that is in flight when a process dies has to be."""
+    """Over all points. A reply that is in flight when the process dies has to be asked for again."""
 
     def add(self, directory: Path, whole: Path) -> None:
         self.points += 1
@@ -276,7 +276,7 @@ def asked(directory: Path) -> list[str]:
 
 def measure(folder: Path, kind: str, stride: int) -> dict[str, Outcome]:
     whole = folder / kind
-    WHOLE[kind](whole)  # in this process: what a run keeps for the next, each fork finds made
+    WHOLE[kind](whole)  # in this process: forks inherit what a first run caches
     if kind == "search":
         assert len(asked(whole)) == REPLIES
     found = {mode: Outcome() for mode in MODES}
@@ -295,7 +295,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    # A killed process needs no disk: the page cache outlives it, and memory makes the syncs of hundreds of runs free.
+    # No disk is needed: the page cache outlives a killed process, and in memory the syncs of hundreds of runs are free.
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=place) as folder:
         found = {kind: measure(Path(folder), kind, options.stride) for kind in WHOLE}

@@ -1,8 +1,8 @@
-"""Two generated rewards beside the human one, with seeds that neither was chosen by: the table of README.md.
+"""Two generated rewards compared with the human one, with seeds that chose neither: the table of README.md.
 
     python benchmarks/found.py               # BallBalance, five fresh seeds of each; 15 lanes of 600,000 steps
 
-The replies are in `benchmarks/found/`, as they came. `strong.md`: of eight in `benchmarks/choosing/ballbalance.json`,
+The replies are in `benchmarks/found/`, unchanged. `strong.md`: of eight in `benchmarks/choosing/ballbalance.json`,
 the one whose policy plays best with the seed that a search would use. `embedded.md`: the winner of a `make run`.
 """
 

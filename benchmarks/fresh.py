@@ -1,4 +1,4 @@
-"""Rewards again, trained with seeds that had no part in choosing any of them."""
+"""Trains rewards again, with seeds that had no part in choosing any of them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from openeureka.training.evaluate import begin_alike
 
 @dataclass(frozen=True)
 class Trained:
-    """What rewards came to with other seeds."""
+    """What rewards reached with other seeds."""
 
     seeds: list[int]
     scores: list[list[float]]
-    """Held-out F: a list a reward, a value a seed."""
+    """Held-out F: a list per reward, with a value per seed."""
     noisy: bool
     """Whether policies played with the noise of training, as they do where all episodes begin alike."""
 
@@ -49,7 +49,7 @@ def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: i
         count: seeds of each; from two on.
 
     Raises:
-        SystemExit: as `held_out` does, and where the run's policies played without noise before they were to have it.
+        SystemExit: as `held_out` does, and where the run's policies played without the noise that the task asks for.
     """
     run = openeureka.train(
         config.env,

@@ -9,8 +9,8 @@ Tables of docs/reference/measurements.md and, of Gymnasium's environments, of do
     eureka run ... model=replay:benchmarks/generations/quadcopter.json    # the same search again, for nothing
 
 Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings. Where
-the seeds of a search decide nothing, `--fresh` adds some that no reward was chosen by. A search that is known already
-is written anew.
+the seeds of a search decide nothing, `--fresh` adds some that no reward was chosen by. The record of a search that is
+known already is replaced.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def again(run: openeureka.Run, seeds: int) -> Record:
 
 
 def keep_replies(run: openeureka.Run) -> None:
-    """Beside this script, for `model=replay:`. The first search of a task has its name, another one also its own."""
+    """Keep the replies for `model=replay:`. The file of a task's first search has the task's name; files of further
+    searches have more words, which tell them apart."""
     config = run.config
     name = short_name(config.env.partition("+")[0])
     said = [reply.text for reply in read_replies(run.directory)]
@@ -112,7 +113,7 @@ def keep_replies(run: openeureka.Run) -> None:
 
 
 def gym_rows(records: list[Record]) -> list[tuple[str, ...]]:
-    """A row a search on one of Gymnasium's environments."""
+    """One row per search on one of Gymnasium's environments."""
     return [_gym_row(one) for one in records if one["env"].startswith("gym:")]
 
 
@@ -135,7 +136,7 @@ def _further(found: Record | None) -> tuple[str, str, str]:
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
-    """A row a search."""
+    """One row per search."""
     return [_row(one) for one in records]
 
 
@@ -166,7 +167,7 @@ def _row(one: Record) -> tuple[str, ...]:
 
 
 def joined(known: list[Record], found: list[Record]) -> list[Record]:
-    """All searches, each once, as found last. Fresh trainings of the same best reward stay."""
+    """All searches, each once, in its newest record. Fresh trainings stay where the best rewards are the same."""
     searches: dict[tuple[object, ...], Record] = {}
     for one in (*known, *found):
         before = searches.get(key := tuple(one[name] for name in SEARCH), {})

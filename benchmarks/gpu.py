@@ -1,4 +1,4 @@
-"""What a GPU makes of the simulator and the trainer, in one call.
+"""Measures the simulator and the trainer on a GPU, in one call.
 
     python benchmarks/gpu.py                                # every part of every task on cuda:0: hours
     python benchmarks/gpu.py --env humanoid --part lanes    # some of it
@@ -7,7 +7,7 @@
 
 The parts, in this order, each for every task:
 
-    parity      the first steps of this device's simulator beside those of the CPU simulator
+    parity      the first steps of this device's simulator compared with those of the CPU simulator
     raw         bare stepping with random controls, as many worlds as 16 lanes have
     env         the task's environment with random actions: state, observation, resets
     lanes       training of 1, 4 and 16 lanes, each with a reward program of its own, in one process
@@ -15,9 +15,9 @@ The parts, in this order, each for every task:
     epoch       one epoch of the 16 lanes: its time, how long of it the device works, and how often the host waits
     human       the human reward, four seeds, trained for a fixed time and scored on held-out episodes
 
-`--out` is written after each part and read at the start: a broken-off run loses one part, and the same command goes on.
+`--out` is written after each part and read at the start: an interruption loses one part, and the same command goes on.
 No part uses the device in this process, so that a fault there ends that part only; its error is recorded, and the next
-call tries again. Trainings are timed whole, so none is gone on with, as those of a run are.
+call tries again. Trainings are timed as a whole, so an interrupted one begins anew, unlike those of a run.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def attempt(part: Callable[..., Found], *arguments: Any) -> Found:
 
 
 def _isolated(part: Callable[..., Found], *arguments: Any) -> Found:
-    """Trainings have worker processes; what else uses the device gets one here."""
+    """Run a part in a process of its own. Trainings need none here: they have worker processes."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
         return process.submit(part, *arguments).result()
 
@@ -168,7 +168,7 @@ def run(
     again: bool,
     lanes: Sequence[int] | None = None,
 ) -> None:
-    """Every part that the file does not hold; of training as many lanes as `lanes` says, else all of `sizes`."""
+    """Measure every part that the file does not hold; train each number of lanes in `lanes`, or else in `sizes`."""
     found = read(out) or {"parts": {}}
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
     here = attempt(machine, device)

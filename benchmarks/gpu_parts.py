@@ -51,7 +51,7 @@ class Sizes:
     worlds: int
     """Worlds of a lane."""
     lanes: tuple[int, int, int]
-    """Lanes of the trainings that are measured. The human reward has as many seeds as the second one lanes."""
+    """Lanes of the trainings that are measured. The second number is also that of the human reward's seeds."""
     measure: float
     """[s] of steady state that a rate is measured over."""
     train: float
@@ -91,8 +91,8 @@ def raw(env: str, device: str, sizes: Sizes) -> Found:
 
 
 def _stepper(env: str, worlds: int, device: str) -> tuple[Callable[[], None], Callable[[], None]]:
-    """One control step of mujoco_warp as its own documentation would have it; on a GPU a graph, captured once. And what
-    raises CapacityError where contacts or constraints found no room in any step so far."""
+    """Two functions. The first takes a control step of mujoco_warp as its documentation does it, on a GPU as a graph
+    that is captured once. The second raises CapacityError if contacts or constraints lacked room in any step so far."""
     import mujoco_warp as mjw
     import warp as wp
 
@@ -109,7 +109,7 @@ def _stepper(env: str, worlds: int, device: str) -> tuple[Callable[[], None], Ca
         warp_model.opt.warn_overflow = 0
         data = mjw.make_data(model, nworld=worlds, nconmax=room.contacts, njmax=room.constraints)
     ctrl, overflow = wp.to_torch(data.ctrl), wp.to_torch(data.overflow)
-    lacked = torch.zeros_like(overflow)  # before the last reset, which forgets it
+    lacked = torch.zeros_like(overflow)  # of the steps before the last reset, which clears `overflow`
     calls = 0
 
     def substeps() -> None:
@@ -261,7 +261,7 @@ def rewards(env: str, count: int) -> list[RewardGraph]:
 
 
 def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
-    """Train the human reward for about `sizes.train` seconds, which `rate` [environment steps a second] makes steps."""
+    """Train the human reward for about `sizes.train` seconds; `rate` [environment steps/s] turns these into steps."""
     seeds = sizes.lanes[1]
     specs = [LaneSpec(id=f"human-s{seed}", program="human", seed=seed) for seed in range(seeds)]
     budget = TrainBudget(worlds=sizes.worlds, env_steps=round(rate * sizes.train / seeds))

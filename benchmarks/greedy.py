@@ -1,4 +1,4 @@
-"""Which of the same rewards does Eureka's own rule crown? docs/reference/headline.md has the answer, task by task.
+"""Given the same rewards, which one does Eureka's own rule crown? docs/reference/headline.md has the answers.
 
     python benchmarks/greedy.py                       # every row of the table that has none yet
     python benchmarks/greedy.py --env anymal          # one
@@ -77,7 +77,7 @@ def measure(env: str) -> Record:
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task whose choices differ, in the order of the plan."""
+    """One row per task whose choices differ, in the order of the plan."""
     return [
         (
             *(short_name(env), row["best"], row["eureka"], spread(row["own"]), spread(row["other"])),

@@ -3,9 +3,10 @@
     python benchmarks/guards.py                # about 10 minutes on 2 quiet cores
     python benchmarks/guards.py --tiny         # seconds, to see that it works; kept nowhere
 
-Guards are the watch on rewards, policies and scores of each lane, and the check of the physics. With and without take
-turns in pairs, the first of each pair alternating, so that a busy machine slows both alike; the ratio is the median
-over pairs. Processor time is reported beside wall-clock time: it does not count what others do.
+Guards are the watch on rewards, policies and scores of each lane, and the check of the physics. Trainings with and
+without them alternate, in pairs that begin with the one or the other in turn, so that a busy machine slows both alike;
+the ratio is the median over pairs. Processor time is reported besides wall-clock time: it does not count what other
+processes do.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Pace(NamedTuple):
 
 
 class Unguarded(Population):
-    """Trains whatever comes."""
+    """Trains without guards."""
 
     def __init__(self, env: str, specs: list[LaneSpec], budget: TrainBudget) -> None:
         super().__init__(env, specs, budget)
@@ -61,7 +62,7 @@ def reward() -> RewardGraph:
 
 
 def pace(kind: type[Population], env: str, epochs: int) -> Pace:
-    """Of a whole training, without the start."""
+    """Speed of a whole training, without its start."""
     recipe = registry.get(env).recipe
     specs = [LaneSpec(id=str(lane), program=reward(), seed=lane) for lane in range(LANES)]
     population = kind(env, specs, TrainBudget(env_steps=epochs * recipe.horizon * recipe.worlds))
@@ -73,10 +74,10 @@ def pace(kind: type[Population], env: str, epochs: int) -> Pace:
 def compare(
     env: str, on: type[Population], off: type[Population], pairs: int, epochs: int
 ) -> dict[str, dict[str, float | list[float]]]:
-    """Steps a second of one kind of training over those of another, which take turns."""
+    """Steps a second of one kind of training over those of another; the two alternate."""
     ratios: list[Pace] = []
     for kind in (on, off):
-        pace(kind, env, 1)  # the first of a process is slower, whatever it is
+        pace(kind, env, 1)  # the first training of a process is slower, of either kind
     for pair in range(pairs):
         paces = {kind: pace(kind, env, epochs) for kind in ((on, off) if pair % 2 else (off, on))}
         ratios.append(Pace(*(with_it / without for with_it, without in zip(paces[on], paces[off], strict=True))))

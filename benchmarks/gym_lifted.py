@@ -1,12 +1,12 @@
 """How much faster Gymnasium's MuJoCo environments step on lanes than in Gymnasium's own vector environment.
 
     python benchmarks/gym_lifted.py            all ten, about five minutes
-    python benchmarks/gym_lifted.py Ant        some of them, whose rows alone are replaced
+    python benchmarks/gym_lifted.py Ant        some of them; only their rows are replaced
 
 Both sides step under random actions, with observations, rewards and resets, in turn and several times: the ratio is of
 medians of one run. Lanes take all cores. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, so
-on one core, or its `AsyncVectorEnv` with an environment a core; the faster one counts. The ratio per core is one over
-the first. Writes benchmarks/results/gym_lifted.json.
+on one core, or its `AsyncVectorEnv` with an environment a core; the faster one counts. The ratio per core compares one
+core of the lanes with the `SyncVectorEnv`. Writes benchmarks/results/gym_lifted.json.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _rate(step: Callable[[], object], worlds: int, steps: int) -> float:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row an environment."""
+    """One row per environment."""
     return [
         [f"{name}-v5", f"{rates['lanes']:,}", f"{theirs(rates):,}", f"{measured[name]['ratio']:g}", f"{each:.1f}"]
         for name in NAMES

@@ -1,4 +1,4 @@
-"""Whether environments that step themselves are learnt to what Gymnasium calls solved, under their own reward.
+"""Whether policies solve environments that step themselves, by Gymnasium's threshold, under their own reward.
 
     python benchmarks/gym_solved.py                            # all of them, three seeds; about 20 minutes on 2 cores
     python benchmarks/gym_solved.py --env gym:CartPole-v1      # one of them; what is known is not trained again
@@ -32,7 +32,7 @@ TITLES = ("environment", "steps", "return, held out", "solved at", "seeds that s
 
 
 def measure(env: str, seeds: int) -> Record:
-    """A record a seed, all trained side by side."""
+    """One record per seed, all trained side by side."""
     folder = OUTPUTS / "gym_solved" / env.removeprefix("gym:").replace(":", "_")
     config = TrainConfig(env=env, reward="human", seeds=seeds, steps=STEPS[env], dir=str(folder))
     lanes = learn(config, ("fitness",))
@@ -53,7 +53,7 @@ def threshold(env: str) -> float | None:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row an environment."""
+    """One row per environment."""
     return [[env.removeprefix("gym:"), *_row(measured[env])] for env in STEPS if env in measured]
 
 

@@ -8,9 +8,9 @@
                                                # nine more seeds of the generated reward and the human one
 
 A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
-with fresh seeds, and what wins is judged in held-out episodes. What a search found is kept twice: figures in
+with fresh seeds, and the winner is judged in held-out episodes. What a search found is kept twice: figures in
 `benchmarks/results/headline.json`, and the store of its run in `benchmarks/headline/TASK.sqlite.xz`, from which the
-page and the report of the run are made again. Runs are under `outputs/headline/`; one that was killed goes on.
+page and the report of the run can be made again. Runs are under `outputs/headline/`; one that was killed goes on.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ ENDINGS = {
     "one seed": "not decided: one seed",
 }
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
-"""What a repeated search has otherwise, or not at all."""
+"""What differs in a repeated search, or is missing there."""
 
 
 def measure(whole: Plan, env: str) -> None:
@@ -73,7 +73,7 @@ def measure(whole: Plan, env: str) -> None:
 
 
 def repeat(whole: Plan, env: str) -> str:
-    """Search on a task again, and say what is the same: equal on one kind of processor with the same versions."""
+    """Search on a task again, and say what is the same: all, on the same kind of processor with the same versions."""
     if any((AGAIN / env).glob("*/report.html")):  # a finished one would be taken as it is
         shutil.rmtree(AGAIN / env)
     _, again = search(whole, env, AGAIN / env)
@@ -99,7 +99,7 @@ def put_away(store: Path, archive: Path, env: str) -> None:
 
 
 def portable(store: Path) -> bytes:
-    """The store, in which the file of replies is named from the root of the repository, as another clone has it."""
+    """The store with the path of its file of replies made relative to the repository, as another clone needs it."""
     with TemporaryDirectory() as folder:
         copy = shutil.copy(store, folder)
         with closing(sqlite3.connect(copy, isolation_level=None)) as database:
@@ -112,7 +112,7 @@ def portable(store: Path) -> bytes:
 
 
 def confirm(env: str, count: int) -> Record:
-    """The row's reward and the human one with seeds that chose neither. What `greedy.py` trained is taken as it is."""
+    """Train the row's reward and the human one with seeds that chose neither. What `greedy.py` trained is reused."""
     run, known = archive(env), read(GREEDY).get(env, {})
     assert run.best is not None
     same = known.get("best") == str(run.best.place) and known.get("noisy", False) == fresh.noisy(env)
@@ -124,7 +124,7 @@ def confirm(env: str, count: int) -> Record:
 
 
 def confirmed(env: str, count: int) -> str:
-    """What other seeds say of a row, which are trained where there are none, or none that play with noise."""
+    """What other seeds say of a row. They are trained where there are none, or where theirs lack the task's noise."""
     row = read(RESULTS)[env]
     known = row.get("confirmed")
     if known is None or (not known.get("noisy") and fresh.noisy(env)):
@@ -171,7 +171,7 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
 
 
 def compared(env: str, kept: Record, again: Record) -> str:
-    """A row and its repetition, in a sentence or a line a difference."""
+    """How a repetition compares with its row: one sentence, or a line per difference."""
     other = [name for name in kept if name not in NOT_REPEATED and again[name] != kept[name]]
     if not other:
         return f"{env}: every number is the same to the bit."
@@ -183,7 +183,7 @@ def compared(env: str, kept: Record, again: Record) -> str:
 
 
 def decided(row: Record) -> Record:
-    """The row, with the scores that decide it: those of the seeds that chose nothing, where there are such."""
+    """The row with the scores that decide it: those of seeds that chose nothing, where there are any."""
     return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
 
 
@@ -200,7 +200,7 @@ def ending(row: Record) -> str:
 
 
 def decidable(row: Record) -> bool:
-    """Whether so few seeds can decide. Where F has two values, not always: even all against none may be chance."""
+    """Whether so few seeds can decide. Where F has two values they may not: even all against none can be chance."""
     own, human, *among = (
         _defined(own) for own in (row["generated"], row["human"], *row.get("runners_up", {}).values())
     )
@@ -218,8 +218,8 @@ def _defined(scores: Sequence[float | None]) -> list[float]:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row a task, in the order of the plan; where its reward trained again, the seeds that chose nothing in one
-    below.
+    """One row per task, in the order of the plan. Where its reward trained again, the row below has the seeds that
+    chose nothing.
     """
     found: list[list[str]] = []
     for env in (env for env in load(PLAN).tasks if env in measured):
@@ -249,8 +249,8 @@ def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
 
 
 def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, float]]:
-    """A row a task whose rewards do not both score zero: how it ended, and the difference and its interval, as shares
-    of the larger F."""
+    """One row per task whose rewards do not both score zero: how it ended, and the difference and its interval, as
+    shares of the larger F."""
     found = []
     for name, row in differences(measured):
         if largest := max(abs(mean(row[name]) or 0.0) for name in ("generated", "human")):
@@ -260,8 +260,8 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, 
 
 
 def novelty(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float]]:
-    """A row a task that is not both at zero: how it ended, correlation with the human reward, and the difference in
-    halves of its interval, so that beyond 1 it is decided. A difference without any spread has no place in that."""
+    """One row per task whose rewards do not both score zero: how it ended, correlation with the human reward, and the
+    difference in units of half its interval: beyond 1 it is decided. Differences without a spread are left out."""
     found = []
     for name, row in differences(measured):
         (value, _, high), how = row["difference"], ending(row)
@@ -279,7 +279,8 @@ def endings(measured: Mapping[str, Record]) -> list[tuple[str, str]]:
 
 
 def summary(measured: Mapping[str, Record]) -> str:
-    """The rows in a few sentences. Means of seeds that chose nothing are counted apart from a picked winner's."""
+    """The rows in a few sentences. Means of seeds that chose nothing are counted apart from those that picked the
+    winner."""
     ends = Counter(map(ending, measured.values()))
     unknown = f", not known (one seed) on {ends['one seed']}" if ends["one seed"] else ""
     decisive = [row for row in measured.values() if ending(row) != "both at zero"]
@@ -301,7 +302,7 @@ def _means(decisive: Sequence[Record]) -> str:
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:
-    """When the rows were measured, and on what: trainings repeat to the bit on one kind of processor alone."""
+    """When the rows were measured, and on what: trainings repeat to the bit only on the same kind of processor."""
     looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
     dates = sorted(look["date"] for look in looks)
     kinds = Counter(map(_processor, looks))
@@ -317,7 +318,7 @@ def _processor(look: Record) -> str:
 
 
 def left(measured: Mapping[str, Record]) -> str:
-    """What is missing, a line a task, and about how long it takes by what its baselines took."""
+    """The missing tasks, a line each, with the time that they will take, estimated from their baselines."""
     whole, known, total, lines = load(PLAN), read(BASELINES), 0.0, list[str]()
     for env in (env for env in whole.tasks if env not in measured):
         trained = next(iter(known[env]["lanes"].values()))

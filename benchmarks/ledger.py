@@ -27,7 +27,7 @@ Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
 DEFAULTS = {
     field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
 }
-"""Of a recipe: what a record says nothing of, as it is older, was so."""
+"""Defaults of a recipe. A record from before a field existed was made with its default."""
 
 
 def whole(env: str, **changes: float) -> Record:
@@ -37,13 +37,13 @@ def whole(env: str, **changes: float) -> Record:
 
 
 def differing(known: Record, wanted: Record) -> list[str]:
-    """Words of a recipe that a record has otherwise."""
+    """Fields of a recipe in which a record differs."""
     known = {**DEFAULTS, **known}
     return [word for word, value in wanted.items() if known[word] != value]
 
 
 def refuse_other_recipe(entry: Record, wanted: Record, name: str) -> None:
-    """Lanes of one recipe stand together.
+    """Refuse to mix lanes of different recipes.
 
     Args:
         entry: what is known, empty where nothing is.
@@ -67,7 +67,7 @@ class Script(Terminal):
 
 @contextmanager
 def in_sentences() -> Iterator[None]:
-    """Raises SystemExit with what an error that a person can cause says, instead of it."""
+    """Turns an error that a person can cause into a SystemExit with its text."""
     try:
         yield
     except EurekaError as error:

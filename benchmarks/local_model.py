@@ -29,7 +29,7 @@ from openeureka.types import Generation, TrainingProgress, lane_id
 
 STEPS = {"cartpole": 3e5, "ballbalance": 4e5, "quadcopter": 6e5, "ant": 6e5, "humanoid": 5e5}  # of a lane
 SAMPLE = 16
-"""Of each arm."""
+"""Samples of each arm."""
 TEMPERATURE = 1.0
 
 

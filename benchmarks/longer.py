@@ -1,12 +1,13 @@
-"""Where eight rewards ended below the human one: what do two generations more find? docs/reference/headline.md says it.
+"""Where eight rewards ended below the human one: what do two more generations find? See docs/reference/headline.md.
 
     python benchmarks/longer.py              # what is missing of benchmarks/plans/longer.yaml; hours on 2 cores
     python benchmarks/longer.py --env ant    # one task
 
-The first eight replies are those of the table's row, the others answer what this search showed of them. A search stops
-where its replies end: the last prompt of its `messages.json` is the one that the next eight must answer. With them in
-the file of replies, the same command goes on. In the end the reward it finds and the human one train with nine seeds
-that chose neither. Runs are under `outputs/longer/`; the store of each is kept in `benchmarks/longer/TASK.sqlite.xz`.
+The first eight replies are those of the table's row, the others answer the prompts that this search made of them. A
+search stops where its replies end: the last prompt of its `messages.json` is the one that the next eight must answer.
+With them in the file of replies, the same command goes on. In the end the reward it finds and the human one train with
+nine seeds that chose neither. Runs are under `outputs/longer/`; the store of each is kept in
+`benchmarks/longer/TASK.sqlite.xz`.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def left(measured: Mapping[str, Record], plan: Path = PLAN) -> list[str]:
 
 
 def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
-    """A row a task: what decides its row of the table, and what the later search found. Intervals hold together."""
+    """One row per task: what decides its row of the table, and what the later search found. Intervals hold together."""
     known, tasks, found = read(headline.RESULTS), load(plan).tasks, list[list[str]]()
     for env in (env for env in tasks if env in measured):
         first, later = headline.decided(known[env]), headline.decided(measured[env])

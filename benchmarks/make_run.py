@@ -1,11 +1,11 @@
 """What `make run` finds, over seeds: a table in docs/concepts/scores.md, a sentence in README.md.
 
     python benchmarks/make_run.py                    # seeds 0, 10, 20, 30, 40, about 7 minutes each on 2 cores
-    python benchmarks/make_run.py --seeds 7          # another; what is done with these settings stays
+    python benchmarks/make_run.py --seeds 7          # another seed; what is done with these settings stays
     python benchmarks/make_run.py --markdown         # the table
 
-The settings are those of the Makefile. Runs are kept under `outputs/make_run/`, a killed one goes on, without a time
-then; the figures go to `benchmarks/results/make_run.json`.
+The settings are those of the Makefile. Runs are kept under `outputs/make_run/`. A killed one goes on, but then its time
+is not recorded. The figures go to `benchmarks/results/make_run.json`.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ def left(measured: Mapping[str, Any], seeds: Sequence[int] = SEEDS) -> list[int]
 
 
 def counted() -> dict[str, Any]:
-    """What is told of: the runs of `SEEDS`, or all that there are until each of those is measured."""
+    """The runs that the pages tell of: those of `SEEDS`, or, until each of these is measured, all that there are."""
     measured: dict[str, Any] = read(RESULTS)
     own = {seed: one for seed, one in measured.items() if int(seed) in SEEDS}
     return own if len(own) == len(SEEDS) else measured
 
 
 def shared() -> str:
-    """What runs have in common, in a sentence; empty where they have nothing."""
+    """A sentence on the trainings that runs share; empty where they share none."""
     if all(later - seed >= reach() for seed, later in pairwise(sorted(map(int, counted())))):
         return ""
     return (
@@ -119,7 +119,7 @@ def _held_out(own: SeedScores) -> list[float | None]:
 
 
 def markdown() -> str:
-    """What is known, a column a seed."""
+    """What is known as a table, with a column per seed."""
     measured = counted()
     rows = {
         "best of generation 0, F played": [

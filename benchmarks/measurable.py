@@ -42,7 +42,7 @@ def measure(env: str, seeds: int, out: Path, **settings: Any) -> Record:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row a task."""
+    """One row per task."""
     return [_row(env, measured[env]) for env in ENVS if env in measured]
 
 

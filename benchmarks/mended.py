@@ -1,10 +1,10 @@
-"""Three prompts told the model something wrong: what does it write when they say it right? docs/reference/headline.md.
+"""Three prompts told the model something wrong: what does it write when they are right? See docs/reference/headline.md.
 
     python benchmarks/mended.py              # what is missing of benchmarks/plans/mended.yaml; about three hours
     python benchmarks/mended.py --env ant    # one task
 
-Eight new replies, as in the table one generation of them. The reward that wins and the human one then train with nine
-seeds that chose neither. All three tasks are asked again, however their row of the table ended. Runs are under
+There are eight new replies in one generation, as in the table. The reward that wins and the human one then train with
+nine seeds that chose neither. All three tasks are asked again, however their row of the table ended. Runs are under
 `outputs/mended/`; the store of each is kept in `benchmarks/mended/TASK.sqlite.xz`.
 """
 

@@ -1,11 +1,11 @@
-"""Every long measurement that the pages still lack, one after another, at the lowest priority.
+"""Runs every long measurement that the pages still lack, one after another, at the lowest priority.
 
     python benchmarks/missing.py           # goes on until nothing is missing; days on 2 cores
     python benchmarks/missing.py --left    # what it would run, in its order
 
 Each is a script of this folder that keeps what it finds in `benchmarks/results/` and repeats nothing, so this can be
-stopped and begun again at any time. `make docs` then brings what is new into the pages, but for `progress.py`, which
-says it itself. What needs a language model at an endpoint (`robust.py`, `generations.py`) is not among them.
+stopped and begun again at any time. `make docs` then brings what is new into the pages, except from `progress.py`,
+which prints its own table. What needs a language model at an endpoint (`robust.py`, `generations.py`) is not included.
 """
 
 from __future__ import annotations

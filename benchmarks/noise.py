@@ -33,8 +33,8 @@ TITLES = (
 
 
 def measure(directory: Path) -> tuple[str, Record]:
-    """Let every trained policy of a run, that of its highest F in training, play both ways, beside those that are
-    known of its task."""
+    """Let the policies of a run play both ways, of each lane the one at its highest F in training. Returns the task and
+    its record, with these added."""
     config = openeureka.open_run(directory).config
     env = config.env
     with Store.view(directory) as store:
@@ -58,7 +58,7 @@ def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> fl
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task."""
+    """One row per task."""
     return [_row(env, row) for env, row in measured.items()]
 
 

@@ -8,7 +8,7 @@ It is followed while a reply is committed every 2 s, faster than models write, a
 of work are processor time, those of the tab what Chromium calls TaskDuration; a busy machine prolongs the load alone.
 
 A folder of 500 copies of a small run is listed by a server that has just begun, and once more: medians, as of the
-loads. The report is that of the first run, written by itself: films of candidates are files beside it.
+loads. The report is that of the first run, without films of candidates, which are files beside it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ PAUSE = 2.0
 REPEATS = 5
 """Loads, of which the median counts."""
 SETTLED = 60
-"""[s] after the last change; a page that costs much to make is made anew that rarely."""
+"""[s] to wait after the last change: a page that costs much to make is made anew no more often than this."""
 EPOCHS, COMPONENTS, LINES = 1000, 8, 90
 
 
@@ -98,7 +98,7 @@ def search_slowly(directory: Path, model: Paced) -> None:
 
 
 def film() -> bytes:
-    """Six seconds as a candidate's are."""
+    """Six seconds of film, like those of a candidate."""
     row = np.arange(320 * 3).astype(np.uint8).reshape(1, 320, 3)
     return encode((np.repeat(row + np.uint8(frame), 240, axis=0) for frame in range(150)), rate=25)
 
@@ -109,7 +109,7 @@ def show_films(directory: Path, picture: bytes) -> None:
 
 
 def chromium(playwright: Playwright) -> Browser:
-    """Headless, the one that is installed."""
+    """The Chromium that is installed, headless."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     options = ["--no-sandbox"] if os.geteuid() == 0 else []
     return playwright.chromium.launch(executable_path=path, args=options)
@@ -152,7 +152,7 @@ def tab_work(tab: CDPSession) -> float:
 
 
 def share(process: int, page: Page, seconds: float) -> dict[str, float]:
-    """Of one core, while the page is open."""
+    """What server and tab take of one core while the page is open."""
     tab = page.context.new_cdp_session(page)
     tab.send("Performance.enable")
     server, browser, begun = server_work(process), tab_work(tab), time.perf_counter()

@@ -5,10 +5,10 @@ sentence of docs/concepts/training.md.
     python benchmarks/parity.py --tiny             # one seed of 20,000 steps, to see that it works; kept nowhere
 
 What differs on purpose: rsl_rl keeps actor and critic apart, shuffles minibatches, measures the divergence from the
-policy that collected the data, and values a time-out by the state before it. Its first means are as the weights give
-them, whatever the recipe's `head`. Both receive the human reward times the recipe's scale; F comes from the
-environment, which neither learner can change. Our side is a run for each seed under `outputs/parity/`: what is trained
-there is not trained again.
+policy that collected the data, and values a time-out by the state before it. The means of its first actions are as its
+initial weights give them, whatever the recipe's `head`. Both receive the human reward times the recipe's scale; F comes
+from the environment, which neither learner can change. Our side is a run for each seed under `outputs/parity/`: what is
+trained there is not trained again.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Adapter:
         self.observation = self.simulation.reset()
 
     def get_observations(self) -> Any:
-        from tensordict import TensorDict  # as rsl_rl, only needed here: pages read what was measured without them
+        from tensordict import TensorDict  # needed only here, like rsl_rl: pages are made from results without them
 
         return TensorDict({"policy": self.observation}, batch_size=[self.num_envs])
 
@@ -60,7 +60,7 @@ class Adapter:
         value, weight = step.score
         self.scores.append((float((value * weight).sum()), float(weight.sum())))
         self.observation = step.observation
-        with torch.inference_mode(False):  # in which rsl_rl collects, and a reward cannot be traced
+        with torch.inference_mode(False):  # rsl_rl collects in inference mode, in which no reward can be traced
             reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
         return self.get_observations(), reward, step.done.long(), {"time_outs": step.timed_out.float()}
 

@@ -57,13 +57,13 @@ def arm(results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation])
 
 
 def last(learned: Learned) -> Record:
-    """The arm of the policies at the end of training, as a curriculum goes on from them."""
+    """The arm of the policies at the end of training, from which a curriculum goes on."""
     scores = {lane: held_out["last"] for lane, (_, held_out) in learned.items() if "last" in held_out}
     return arm({lane: result for lane, (result, _) in learned.items()}, scores)
 
 
 def first(config: TrainConfig, lanes: Sequence[str]) -> Record:
-    """The same of the curriculum's first stage, played in the task itself."""
+    """The same for the policies after the curriculum's first stage, played in the task itself."""
     kept = StageFiles(Path(config.dir))
     results = {lane: result for lane in lanes if (result := kept.read(1, lane)) is not None}
     policies = {lane: result.last for lane, result in results.items() if result.last is not None}
@@ -91,7 +91,7 @@ TITLES = ("policy", "cycles an episode, held out", "waypoints an episode in trai
 
 
 def rows(found: Record) -> list[tuple[str, str, str]]:
-    """A row a policy; the goals of the first stage are no waypoints."""
+    """One row per policy; the goals of the first stage are no waypoints."""
     return [
         (name, number(found["arms"][key]["cycles"], 2), _best(found["arms"][key]) if key != "pre_trained" else "-")
         for key, name in CALLED.items()

@@ -1,4 +1,4 @@
-"""What does an eighth of the steps from a good policy play, against training from scratch, and does it rank rewards?
+"""What does an eighth of the steps from a good policy reach against training from scratch? Does it rank rewards?
 
     python benchmarks/polish.py                                # Quadcopter, BallBalance, Ant; hours on 2 cores
     python benchmarks/polish.py --env ant --shares 0 0.1 0.25  # weights mixed with fresh ones, too
@@ -32,7 +32,8 @@ from openeureka.types import Lane, PolicyId, RewardProgram, Start
 RESULTS = results("polish")
 TASKS = ("quadcopter", "ballbalance", "ant")
 AGAIN = 100
-"""Added to the seed of a training from scratch for that from the parent with the first share, twice for the next."""
+"""Added to the seed of a training from scratch, once for that from the parent with the first share, twice for the next.
+"""
 
 TITLES = (
     *("task", "steps", "rewards, seeds", "from scratch: best reward, mean of all", "the parent", "fresh weights"),
@@ -75,7 +76,7 @@ def judge(lanes: Lanes, ids: Mapping[str, object]) -> None:
 
 
 def began(lanes: Lanes) -> PolicyId:
-    """The parent: that of the lanes that began already, or else the policy from scratch that plays best."""
+    """The parent: the one that lanes began with already, or else the policy from scratch that plays best."""
     known, plays = lanes.store.lanes.all(), lanes.store.lanes.plays()
     for lane in known.values():
         if lane.start is not None:
@@ -94,7 +95,7 @@ def carried(
 
 
 def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task and share of fresh weights."""
+    """One row per task and share of fresh weights."""
     found: list[tuple[str, ...]] = []
     for env, task in study.items():
         lanes: Mapping[str, Record] = task["lanes"]
@@ -113,7 +114,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 Scores = Mapping[str, Sequence[float | None]]
-"""Held-out F by reward, a value a seed."""
+"""Held-out F by reward, a value per seed."""
 
 
 def _by_reward(lanes: Mapping[str, Record], fresh: float | None) -> Scores:
@@ -130,7 +131,7 @@ def _cell(scores: Scores) -> str:
 
 
 def _correlation(scratch: Scores, again: Scores) -> str:
-    """Spearman's over rewards, of means over seeds; a dash where one side is constant."""
+    """Spearman's rank correlation over rewards, of means over seeds; a dash where one side is constant."""
     both = [name for name in scratch if name in again]
     found = correlation(*([rank(mean(scores[name])) for name in both] for scores in (scratch, again)))
     return "-" if found is None else f"{found:+.2f}"

@@ -5,7 +5,7 @@
 
 A lane is worth what its policy scores when it is played at the end. A signal is a number that its curves held after
 1/16, 1/8, 1/4 or 1/2 of the training; it is good if it ranks lanes as their worth does, and if the best lane is near
-its top. Lanes of generated rewards, of all runs of a task, stand together; equal steps are a must.
+its top. Lanes of generated rewards of all runs of a task are taken together; they must have equal steps.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def best(curves: Curves, end: int, _: int) -> float | None:
 
 
 def extrapolated(curves: Curves, end: int, total: int) -> float | None:
-    """F at the end, if it goes on as in the newer half."""
+    """F at the end, if it goes on changing as in the newer half."""
     now, before = window(curves["fitness"], end), window(curves["fitness"], end // 2)
     if now is None or before is None:
         return None
@@ -86,7 +86,7 @@ TASK_TITLES = ("task", "trainings", *AFTER)
 
 
 def lanes(run: openeureka.Run) -> Record:
-    """Of each training of a generated reward that was played: its worth, and every signal at every share."""
+    """For each training of a generated reward that was played: its worth, and every signal at every share."""
     found: Record = {}
     for lane, score in run.view.played.items():
         result = run.view.results[lane]
@@ -105,7 +105,7 @@ def lanes(run: openeureka.Run) -> Record:
 
 
 def signals(study: Mapping[str, Record]) -> list[list[str]]:
-    """Of each signal and share: its rank correlation with worth, mean over tasks and the 95 % interval of that."""
+    """For each signal and share: its rank correlation with worth, mean over tasks and the 95 % interval of that."""
     return [
         [title, *(_over([correlation(*_columns(task, title, place)) for task in study.values()]) for place in PLACES)]
         for title in SIGNALS
@@ -124,7 +124,7 @@ def summary(study: Mapping[str, Record]) -> str:
 
 
 def tasks(study: Mapping[str, Record]) -> list[list[str]]:
-    """Of each task and share: rank correlation of F in the window with worth, and the place of the best lane by it."""
+    """For each task and share: rank correlation of F in the window with worth, and the place of the best lane by it."""
     return [
         [name, str(len(task["lanes"])), *(_cell(*_columns(task, FITNESS, place)) for place in PLACES)]
         for name, task in study.items()
@@ -141,13 +141,13 @@ def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, list[float
 
 
 def _columns(task: Record, title: str, place: int) -> tuple[list[float], list[float]]:
-    """Of all lanes the signal, lowest where it is not known yet, and the worth."""
+    """The signal of all lanes, lowest where it is not known yet, and their worth."""
     lanes = task["lanes"].values()
     return [rank(lane["signals"][title][place]) for lane in lanes], [lane["played"] for lane in lanes]
 
 
 def _mean(found: Sequence[float | None]) -> Estimate | None:
-    """Over tasks. A signal that is the same for all lanes of a task tells nothing of it: 0."""
+    """Mean over tasks. A signal that is the same for all lanes of a task tells nothing there, and counts as 0."""
     return estimate([value or 0.0 for value in found])
 
 

@@ -7,7 +7,7 @@
 
 The two rewards of a task (`benchmarks/progress/TASK/*.py`) were written from `eureka context env=TASK` alone, and tell
 progress. Both arms train the same files with the same seeds and as many steps; only `bonus=` differs. An arm of a task
-is a run such as `eureka train` makes, under `outputs/progress/`: one that was killed goes on with the same words.
+is a run such as `eureka train` makes, under `outputs/progress/`: one that was killed goes on with the same command.
 `benchmarks/results/progress.json` is written after each arm, and what it holds is not repeated.
 """
 
@@ -30,7 +30,7 @@ from openeureka.types import PROGRESS, TrainingResult
 REWARDS = FOLDER / "progress"
 RESULTS = results("progress")
 STEPS = 1_000_000
-"""Of each lane, as in `benchmarks/plans/headline.yaml`."""
+"""Environment steps of each lane, as in `benchmarks/plans/headline.yaml`."""
 SEEDS = 3
 ARMS = ("none", "progress")
 TITLES = ("task", "steps", "reward", "F held out, none", "with progress", "furthest progress, none", "with progress")
@@ -63,7 +63,7 @@ def measure(env: str, arm: str, entry: Record, options: argparse.Namespace) -> R
 
 
 def furthest(result: TrainingResult) -> Record:
-    """The highest mean over an epoch of each progress value, as far as it counts."""
+    """The highest mean over an epoch of each progress value; more than 1 counts as 1."""
     curves = {name.removeprefix("component/"): curve for name, curve in result.curves.items()}
     told = {name: curve for name, curve in curves.items() if name.startswith(PROGRESS)}
     known = {name: [value for value in curve if value is not None] for name, curve in told.items()}
@@ -74,7 +74,7 @@ def furthest(result: TrainingResult) -> Record:
 
 
 def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task and reward whose arms are both known."""
+    """One row per task and reward whose arms are both known."""
     found: list[tuple[str, ...]] = []
     for env, entry in study.items():
         if lacks(entry):
@@ -92,7 +92,7 @@ def played(lane: Record) -> float | None:
 
 
 def lacks(entry: Record | None) -> bool:
-    """Whether an arm of a task is missing: one that was broken off between both has the first."""
+    """Whether an arm of a task is missing: a task that was interrupted between them has only the first."""
     return entry is None or entry["arms"].keys() < set(ARMS)
 
 

@@ -4,9 +4,9 @@
     python benchmarks/prompts.py --env ant --seeds 0 1
     make docs                                          # the table in docs/reference/measurements.md
 
-`benchmarks/prompts/TASK.json` holds a strong model's replies to the first prompt of a search, by the advice that this
-held, and the words of each. All train alike, in the way that learns soonest (see docs/reference/measurements.md). What
-counts is F of the last policy when it plays.
+`benchmarks/prompts/TASK.json` holds a strong model's replies to the first prompt of a search, by the advice in that
+prompt, and the words of each advice. All train alike, in the way that learns soonest (see
+docs/reference/measurements.md). What counts is F of the last policy when it plays.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from openeureka.types import RewardProgram, lane_id
 REPLIES = FOLDER / "prompts"
 RESULTS = results("prompts")
 STEPS = {"ant": 750_000, "anymal": 750_000, "ballbalance": 300_000}
-"""Of each lane."""
+"""Environment steps of each lane."""
 SEEDS = (0, 1)
 RECIPES: Mapping[str, Mapping[str, float]] = {
     "ant": {"worlds": 128, "noise": 0.4},
     "anymal": {"noise": 0.4},
     "ballbalance": {"worlds": 64, "horizon": 32, "noise": 0.4},
 }
-"""What is other than in the task's recipe, see docs/reference/measurements.md."""
+"""What differs from the task's recipe, see docs/reference/measurements.md."""
 TITLES = (
     *("task", "advice", "accepted", "trainings", "F, mean over rewards ± standard error"),
     *("the best reward", "the human one"),
@@ -42,7 +42,7 @@ TITLES = (
 
 
 def measure(env: str, seed: int) -> None:
-    """Train what is missing of one task and seed, and write it down: also what another recipe trained."""
+    """Train what is missing of one task and seed, and write it down. Lanes of another recipe count as missing."""
     replies = json.loads((REPLIES / f"{env}.json").read_text())["replies"]
     rewards = {advice: rungs.accepted(env, texts) for advice, texts in replies.items()}
     graphs: dict[str, RewardProgram] = {"human": "human"}
@@ -62,7 +62,7 @@ def measure(env: str, seed: int) -> None:
 
 
 def recipe(env: str) -> Record:
-    """All of it that lanes of a task train with now."""
+    """The whole recipe that lanes of a task train with now."""
     return whole(env, **RECIPES[env], env_steps=STEPS[env])
 
 
@@ -84,7 +84,7 @@ def left(study: Mapping[str, Record]) -> Iterator[tuple[str, int]]:
 
 
 def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task and advice: F over its rewards, each the mean over its seeds; the error is that over rewards."""
+    """One row per task and advice: F over its rewards, each the mean over its seeds; the error is that over rewards."""
     found = []
     for env, own in study.items():
         lanes = _lanes(own)
@@ -101,7 +101,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def summary(study: Mapping[str, Record]) -> str:
-    """Whether advice makes a difference on any task, and how large it is beside its error (Student's test)."""
+    """Whether advice makes a difference on any task, and how large it is compared with its error (Student's test)."""
     told, sure = "", False
     for env, own in study.items():
         lanes = _lanes(own)

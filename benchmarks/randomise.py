@@ -1,11 +1,12 @@
-"""What worlds that differ cost: steps a second of a training with `randomise=wide` over those of one without. A table
+"""What randomised worlds cost: steps a second of a training with `randomise=wide` over those of one without. A table
 of docs/guides/robot.md.
 
     python benchmarks/randomise.py             # minutes on 2 quiet cores
     python benchmarks/randomise.py --tiny      # seconds, to see that it works; kept nowhere
 
-With and without take turns in pairs, the first of each pair alternating, so that a busy machine slows both alike; the
-ratio is the median over pairs. Processor time is reported beside wall-clock time: it does not count what others do.
+Both alternate, in pairs that begin with the one or the other in turn, so that a busy machine slows both alike; the
+ratio is the median over pairs. Processor time is reported besides wall-clock time: it does not count what other
+processes do.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ TITLES = ("task", "steps a second, of those without", "lowest and highest pair",
 
 
 def population(drawn: Ranges | None) -> type[Population]:
-    """Trains in worlds drawn from ranges."""
+    """A kind of population that trains in worlds drawn from ranges."""
 
     class Randomised(Population):
         def __init__(self, env: str, specs: list[LaneSpec], budget: TrainBudget) -> None:
@@ -37,7 +38,7 @@ def population(drawn: Ranges | None) -> type[Population]:
 
 
 def rows(measured: Record) -> list[list[str]]:
-    """A row a task."""
+    """One row per task."""
     return [_row(env, found) for env, found in measured.get("wide_over_none", {}).items()]
 
 

@@ -27,9 +27,9 @@ from openeureka.tasks.env import BatchedEnv
 RESULTS = results("reachable")
 WORLDS = 24
 SECONDS = 240.0
-"""Of search for a task."""
+"""[s] of search for a task."""
 SEED = 8_000_000
-"""Of the start that is searched; those after it are the starts of the plan's episodes."""
+"""Seed of the start that is searched. The plan's episodes begin with this seed and those after it."""
 EPISODES = 32
 HAND = 26  # actions of one hand
 LOOK = 3  # steps between two looks at the state, which cost as much as the physics
@@ -40,7 +40,7 @@ TITLES = ("task", "F of a start", f"F of {EPISODES} starts", "how", "steps of se
 
 
 def plan_of(aim: Aim, known: Record) -> Tensor:
-    """(K, A) the actions to begin with: those written by hand, unless a like task has been done."""
+    """(K, A) the actions to begin with: those written by hand, unless the similar task `aim.like` has been done."""
     if not known.get(aim.like, {}).get("f"):
         return torch.tensor(aim.guess)
     right = torch.tensor(known[aim.like]["plan"])[:, :HAND]
@@ -52,7 +52,7 @@ def plan_of(aim: Aim, known: Record) -> Tensor:
 def played(env: BatchedEnv, plans: Tensor, steps: int, aim: Aim, look: int) -> tuple[Tensor, Tensor]:
     """Greatest progress (N,) and greatest outcome (N,) of the first episode in each world, under plans (N, K, A).
 
-    Looks at the state every `look` steps; what it does not look at neither ends an episode nor succeeds.
+    Looks at the state every `look` steps; in between, no episode ends or succeeds.
     """
     task = env.task
     task.noise.draws.zero_()  # the same start each time
@@ -122,7 +122,7 @@ def _rounded(plans: Tensor) -> Tensor:
 
 
 def rows(results: Record) -> list[Sequence[str]]:
-    """Of the table in the documentation: every task of AIMS."""
+    """Rows of the table in the documentation, one for every task of AIMS."""
     return [
         (aim.env.removeprefix("shadow_hand_"), *_found(results[aim.env], aim.how))
         if aim.env in results

@@ -1,4 +1,4 @@
-"""What `reachable.py` searches for: of each task, how near a state is to success, and a first plan written by hand."""
+"""What `reachable.py` searches for: for each task, how near a state is to success, and a first plan written by hand."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from openeureka.suite.dexterity.common import distance
 from openeureka.tasks.task import State
 
 Measure = Callable[[Any, State], Tensor]
-"""Of a task and its state (N worlds): (N,)."""
+"""A function of a task and its state (N worlds) that gives (N,)."""
 
 _NAMES = "WRJ1 WRJ0 FFJ3 FFJ2 FFJ1 MFJ3 MFJ2 MFJ1 RFJ3 RFJ2 RFJ1 LFJ4 LFJ3 LFJ2 LFJ1 THJ4 THJ3 THJ2 THJ1 THJ0"
 DRIVES = _NAMES.split()
@@ -34,8 +34,8 @@ def fingers(knuckles: float = 0.0, middle: float = 0.0, **joints: float) -> list
     """Actions (20,) that hold joints at angles [rad]; those not named are straight.
 
     Args:
-        knuckles: of the four fingers' J2.
-        middle: of their J1, and by that of J0.
+        knuckles: angle of the four fingers' J2.
+        middle: angle of their J1, which J0 follows.
     """
     angles = dict.fromkeys(DRIVES, 0.0)
     for finger in ("FF", "MF", "RF", "LF"):
@@ -52,7 +52,7 @@ def hand(
 
 
 def held(*stages: tuple[int, Sequence[float], Sequence[float]]) -> list[list[float]]:
-    """A plan: how many knots, what the right hand does, what the left."""
+    """A plan of stages: number of knots, actions of the right hand, actions of the left."""
     return [[*right, *left] for knots, right, left in stages for _ in range(knots)]
 
 
@@ -60,15 +60,15 @@ def held(*stages: tuple[int, Sequence[float], Sequence[float]]) -> list[list[flo
 class Aim:
     env: str
     progress: Measure
-    """Grows towards success; about 1 from start to end."""
+    """Grows towards success, by about 1 from start to end."""
     guess: Sequence[Sequence[float]]
     """Actions, each held for an equal part of the episode."""
     how: str
     """What the plan does, in words."""
     spread: float = 0.15
-    """Of the first actions tried around the guess; the greatest action is 1."""
+    """Standard deviation of the first actions tried around the guess; the greatest action is 1."""
     steps: int = 0
-    """Of the plan, where it is shorter than an episode."""
+    """Steps of the plan, where it is shorter than an episode."""
     like: str = ""
     """A task with the same right hand: both hands begin with what was found for it, the left one turned half around."""
     moves: tuple[int, int] = (0, 52)
@@ -76,7 +76,7 @@ class Aim:
     success: Measure = lambda task, s: task.success(s)
 
 
-# Both hands are right hands, the left one with its thumb down: what mirrors a push does not mirror fingers.
+# Both hands are right hands, the left one with its thumb down: to mirror a push does not mirror the fingers.
 HOOK = fingers(0.4, 1.5, THJ4=0.5, THJ3=1.0)
 FLAT = fingers()
 AROUND_BOTTLE = [
@@ -98,7 +98,7 @@ def _narrowing(task: Any, s: State) -> Tensor:
 
 
 def _stacked(task: Any, s: State) -> Tensor:
-    """Metres missing, beyond what is allowed, of both cubes' places and the upper one's height."""
+    """1 less what is missing, beyond what is allowed, of both cubes' places and the upper one's height [0.1 m]."""
     lower, upper = task._errors(s)
     missing = (lower - 0.06).clamp(min=0) + (upper - 0.06).clamp(min=0) + (task._height_error(s) - 0.02).clamp(min=0)
     return 1.0 - missing / 0.1

@@ -1,4 +1,4 @@
-"""What scripts of this folder write down: JSON of trainings and measurements, with where and when they were."""
+"""The JSON that scripts of this folder write: trainings and measurements, with machine and date."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks"
 OUTPUTS = ROOT / "outputs"
-"""Of the runs in which scripts train."""
+"""Runs in which scripts train."""
 PEAKS: tuple[Peak, ...] = ("fitness", "reward")
 """The policies whose held-out F stands in a record of a lane."""
 POINTS = 40  # of each curve in a file
@@ -43,7 +43,7 @@ def results(name: str) -> Path:
 def record(result: TrainingResult, held_out: Mapping[Peak, Evaluation]) -> Record:
     """A lane as JSON, with the held-out scores of the policies at both peaks.
 
-    F at first is that of the first episodes that end: of a policy that has hardly trained, exploring.
+    `fitness_at_first` is F of the first episodes that end, under a policy that explores and has hardly trained.
     """
     return {
         "state": str(result.state),
@@ -66,7 +66,7 @@ def _score(held_out: Evaluation | None) -> Record:
 
 
 def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[float | None]]:
-    """Evenly spaced points of the curves that tell the story."""
+    """Evenly spaced points of the most telling curves."""
     shown = {name: curves[name] for name in ("fitness", "episode_length", "reward") if name in curves}
     return {
         name: [None if value is None else round(value, 4) for value in curve[:: max(1, -(-len(curve) // POINTS))]]
@@ -75,11 +75,11 @@ def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[floa
 
 
 def machine(device: str, *packages: str) -> Record:
-    """Where, when and with what versions of these packages, PyTorch and MuJoCo something trained or was measured.
+    """Device and date of a training or measurement, and the versions of PyTorch, MuJoCo and these packages.
 
     Rounding differs between kinds of processor, and training amplifies it: numbers repeat to the bit on one kind.
     """
-    import torch  # which who makes tables of records can do without
+    import torch  # not at the top: making tables of records does not need it
 
     cores = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}, {torch.backends.cpu.get_cpu_capability()}"
     return {
@@ -91,7 +91,7 @@ def machine(device: str, *packages: str) -> Record:
 
 
 def _version(package: str) -> str | None:
-    """None where it is not installed."""
+    """The installed version; None where there is none."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -99,7 +99,7 @@ def _version(package: str) -> str | None:
 
 
 def processor() -> str:
-    """Its name, family and model."""
+    """The processor's name, family and model."""
     table = Path("/proc/cpuinfo")
     if not table.exists():
         return platform.processor()
@@ -115,21 +115,21 @@ def interval(value: float, low: float, high: float, digits: int = 4) -> str:
 
 
 def conditions(*packages: str) -> Record:
-    """What `machine` says, and what else a speed depends on; the load is that of now."""
+    """What `machine` says, and what else a speed depends on, with the load at this moment."""
     found = machine("cpu", *packages)
     speed = {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]}
     return {"date": found.pop("date"), "versions": found.pop("versions"), "machine": {**found, **speed}}
 
 
 def joined(entry: Record, key: str, lanes: Record, config: RunConfig, name: str) -> Record:
-    """A task's record with the lanes of one more run, and with what that run was.
+    """A task's record with the lanes and the settings of one more run.
 
     Args:
-        key: of the record, where its lanes stand.
-        lanes: of the run of this name.
+        key: under which the record holds its lanes.
+        lanes: of the run `name`.
 
     Raises:
-        SystemExit: where another run has a lane of the same id.
+        SystemExit: where another run has a different lane of the same id.
     """
     known, runs = entry.get(key, {}), entry.get("runs", {})
     own = runs.get(name, {}).get("lanes", ())
@@ -146,7 +146,7 @@ def rounded(value: float | None) -> float | None:
 
 
 def correlation(xs: Sequence[float], ys: Sequence[float]) -> float | None:
-    """Spearman's; None below three pairs and where one side is constant."""
+    """Spearman's rank correlation; None below three pairs and where one side is constant."""
     return pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) > 2 else None
 
 
@@ -155,12 +155,12 @@ def today() -> str:
 
 
 def read(path: Path) -> Any:
-    """What is known; nothing where there is no file."""
+    """The content of a JSON file; empty where there is no file."""
     return json.loads(path.read_text()) if path.exists() else {}
 
 
 def write(path: Path, content: object) -> None:
-    """Replace the file whole, so that a broken-off run leaves the old or the new one."""
+    """Replace the file at once: a script that is killed leaves either the old or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".tmp")
     temporary.write_text(json.dumps(content, indent=1) + "\n")
@@ -168,7 +168,7 @@ def write(path: Path, content: object) -> None:
 
 
 def keep(path: Path, name: str, row: object) -> None:
-    """Add a row to the file as it is by now: another script may have written since it was read."""
+    """Add a row to the file as it is now: another script may have written since this one read it."""
     write(path, read(path) | {name: row})
 
 

@@ -1,6 +1,6 @@
-"""What ranges are worth: F of a policy trained in one world (plain), trained on there (longer), in worlds that nobody
-gave a reason for (uniform) and in those of `eureka robust` (ours), in its own world and in hard ones. A table of
-docs/guides/robot.md.
+"""What ranges are worth: F, in the task's own world and in hard ones, of a policy trained in one world (plain), trained
+further there (longer), in ranges that nobody gave a reason for (uniform), and in those of `eureka robust` (ours). A
+table of docs/guides/robot.md.
 
     python benchmarks/robust.py model=gpt-5                     # all that is missing, hours; model=random is the floor
     python benchmarks/robust.py model=gpt-5 --env ant --seed 1  # one of nine
@@ -61,7 +61,7 @@ def measure(env: str, seed: int, directory: Path, words: Sequence[str], **settin
 
 
 def refuse_other_settings(known: Mapping[str, Record], words: Sequence[str], name: str) -> None:
-    """Seeds of one row have one model, asked alike.
+    """Refuse to mix seeds of different models or settings in one row.
 
     Raises:
         SystemExit: where those that are known had other settings.
@@ -72,7 +72,7 @@ def refuse_other_settings(known: Mapping[str, Record], words: Sequence[str], nam
 
 
 def _telling(words: Sequence[str]) -> list[str]:
-    """Settings but for what finds and pays the model, and for the start, which has rows of its own."""
+    """The settings, without those that find and pay the model, and without the start, which has its own rows."""
     others = ("base_url", "max_cost", "price", "start", "threads")
     return sorted(word for word in words if word.partition("=")[0] not in others)
 
@@ -90,7 +90,7 @@ def _swept(found: Sequence[Carried]) -> dict[str, list[tuple[float, float | None
 
 
 def rows(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> list[list[str]]:
-    """A row a task and a start, over the seeds that are known."""
+    """One row per task and start, over the seeds that are known."""
     return [
         _row(env, start, [*measured[start][env].values()])
         for env in ENVS
@@ -100,7 +100,7 @@ def rows(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> list[lis
 
 
 def drawn(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> Mapping[str, Mapping[str, Record]]:
-    """Of each task the seeds of the first start that has some, by what a figure calls them."""
+    """For each task the seeds of the first start that has any, under the title that the figure gives them."""
     known = {env: [start for start in STARTS if measured.get(start, {}).get(env)] for env in ENVS}
     return {f"{env}, begun {BEGUN[starts[0]]}": measured[starts[0]][env] for env, starts in known.items() if starts}
 
@@ -116,7 +116,7 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
 
 
 def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
-    """Mean difference and its interval over seeds: both of a seed share its luck."""
+    """Mean difference and its interval over seeds: both scores of a seed share its luck."""
     found = estimate([one - two for one, two in zip(own, other, strict=True) if one is not None and two is not None])
     if found is None or found.low is None or found.high is None:
         return "-"
@@ -124,8 +124,8 @@ def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
 
 
 def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:
-    """What an arm loses of plain's F in its own world: there as a share of it, in hard ones as a share of what plain
-    loses. Against its own F a policy that is slow everywhere would lose little."""
+    """What an arm loses against plain's F in its own world: there as a share of this F, in hard worlds as a share of
+    what plain loses. Compared with its own F, a policy that is slow everywhere would seem to lose little."""
     plain, hard, own, own_hard = (means[which, kind] for which in (PLAIN, arm) for kind in ("nominal", "hard"))
     if plain is None or hard is None or own is None or own_hard is None:
         return None, None

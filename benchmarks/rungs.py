@@ -48,13 +48,13 @@ STEPS = {
     "shadow_hand_catch_over2underarm": 1_000_000,
     **choosing.STEPS,
 }
-"""Of each lane."""
+"""Environment steps of each lane."""
 EPISODES = 32
-"""Of each policy and rung."""
+"""Episodes of each policy and rung."""
 SEED = 7_000_000
-"""Of the start states; no search and no final score uses it."""
+"""Seed of the start states; no search and no final score uses it."""
 RECIPE = {"worlds": int, "horizon": int, "epochs": int, "minibatches": int, "noise": float, "head": float}
-"""What may be other than in the task's recipe."""
+"""What may differ from the task's recipe."""
 TOGETHER = 4
 """Lanes of a simulation."""
 
@@ -125,7 +125,7 @@ def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, 
 def missing(
     rewards: Mapping[str, RewardProgram], seeds: Sequence[int], known: Mapping[str, object]
 ) -> Iterator[Sequence[LaneSpec]]:
-    """Lanes that no record is known of: a few at a time, and work for every core."""
+    """The lanes that have no record, in parts of a few lanes that give work to every core."""
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     lanes = [spec for spec in specs if spec.id not in known]
     size = max(1, min(TOGETHER, -(-len(lanes) // len(os.sched_getaffinity(0)))))
@@ -139,7 +139,7 @@ def side_by_side(
     recipe: Mapping[str, float],
     keep: Callable[[Record], object],
 ) -> None:
-    """Train parts, one a core; records are kept as they come."""
+    """Train parts, one per core; records are kept as they come."""
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
         for done in as_completed([pool.submit(train, env, part, steps, recipe) for part in parts]):
             keep(done.result())
@@ -159,7 +159,7 @@ def measure(
     """
     trained = whole(env, **recipe, env_steps=steps)
     updates = "".join(f"{recipe[word]} {word}, " for word in ("epochs", "minibatches") if word in recipe)
-    # Of the task's own recipe too: it may come to begin otherwise.
+    # Also where they are the task's own, which may change later.
     others = {word: trained[word] for word in ("noise", "head") if trained[word] != DEFAULTS[word]}
     updates += "".join(f"{word} {value:g}, " for word, value in others.items())
     name = f"{trained['worlds']} x {trained['horizon']}, {updates}{steps:,} steps"
@@ -186,7 +186,7 @@ TELLING = ("task", "worlds x horizon, steps", "ends as", "after 1/16", "1/8", "1
 
 
 def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a task and recipe: what the human reward's policy plays at the rungs, mean over seeds."""
+    """One row per task and recipe: what the human reward's policy plays at the rungs, mean over seeds."""
     rows = []
     for env, recipes in study.items():
         for name, found in sorted(recipes.items(), key=lambda item: item[1]["steps"]):
@@ -196,7 +196,7 @@ def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def telling(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """Two rows a task, of text."""
+    """Two rows per task, as text."""
     return [(*names, *(number(cell, 2) for cell in cells)) for *names, cells in correlations(study)]
 
 
@@ -216,7 +216,7 @@ def summary(study: Mapping[str, Record]) -> str:
 
 
 def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, str, list[float | None]]]:
-    """Two rows a task: rank correlation of what lanes play at a rung with what they play at the end, and with what
+    """Two rows per task: rank correlation of what lanes play at a rung with what they play at the end, and with what
     other seeds of the same rewards play at the end; mean over seeds."""
     rows = []
     for env, name, scores in studied(study):
@@ -251,7 +251,7 @@ def common_seeds(scores: Played) -> list[int]:
 
 
 def worth(scores: Played, reward: str, but: int, standing: Callable[[Sequence[float | None]], float | None]) -> float:
-    """What a reward's policies play, of each training with another seed the one that stands for it; mean."""
+    """Mean F that a reward's policies play, over trainings with seeds other than `but`; `standing` picks the policy."""
     return rank(mean([standing(scores[reward][seed]) for seed in common_seeds(scores) if seed != but]))
 
 

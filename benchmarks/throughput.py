@@ -38,7 +38,7 @@ RAW_EPISODE = 100  # control steps between resets of raw stepping: roughly the e
 Arm = Callable[[], float]
 RESULTS = results("throughput")
 PROCESSES_RESULTS = results("processes")
-"""Of the arms that `--only start` measures."""
+"""Results of the arms that `--only start` measures."""
 
 PROCESSES = {
     "1 process, with its start": 1,
@@ -170,7 +170,7 @@ RAW = ("Gymnasium's ant", "ant", "humanoid")
 
 
 def measure(repeats: int, tiny: bool, only: str) -> dict[str, list[float]]:
-    """Env steps a second, one number a repeat, of the arms whose name contains `only`."""
+    """Env steps a second, one number per repeat, of the arms whose name contains `only`."""
     chosen = {name: arm for name, arm in arms(tiny).items() if only in name}
     found: dict[str, list[float]] = {name: [] for name in chosen}
     for repeat in range(repeats):
@@ -195,7 +195,7 @@ def report(measured: dict[str, list[float]]) -> dict[str, object]:
 
 
 def sentence(measured: Record) -> str:
-    """What eight lanes are beside stable-baselines3, and beside physics without a learner."""
+    """How eight lanes compare with stable-baselines3, and with physics without a learner."""
     ratio: Mapping[str, float] = measured["ratio_of_medians"]
     theirs = [number(ratio[f"training over stable-baselines3{arm}"], 2) for arm in BASELINES]
     ours, ant, humanoid = (number(ratio[f"training over raw stepping, {env}"], 2) for env in RAW)
@@ -208,7 +208,7 @@ def sentence(measured: Record) -> str:
 
 
 def waiting(measured: Record) -> str:
-    """What several workers are beside one."""
+    """How several workers compare with one."""
     ratio: Mapping[str, float] = measured["ratio_of_medians"]
     more, fewer = ratio["a process a core over one process"], 1 / ratio["one process over eight"]
     return (

@@ -3,7 +3,7 @@
     python benchmarks/tokens.py
 
 It counts the prompts and replies of the searches that are kept in `benchmarks/longer/`, at as many characters a token
-as `max_cost=` takes where an endpoint does not count. What a model thinks is not among them.
+as `max_cost=` takes where an endpoint does not count. What a model thinks is not counted.
 """
 
 from collections.abc import Iterator, Sequence

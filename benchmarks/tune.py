@@ -5,11 +5,11 @@
     python benchmarks/tune.py --confirm 9 --tasks shadow_hand_over --kinds spoiled
                                                                 # nine more seeds of before and after, of those known
 
-Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
-tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
-is (after - spoiled) / (human - spoiled). For more seeds of both, more seeds of the human reward are those of
-`headline.py`, where it has some with as many steps. Each tuning is a run under `outputs/tune/`: killed, it goes on with
-the same words.
+Spoiled numbers are the human ones times e**U(-2, 2); for a number that something is compared with, the exponent is a
+tenth of that, as in tuning. The tuning of the human numbers trains these with the same fresh seeds, so the share of the
+way back that was found is (after - spoiled) / (human - spoiled). Where before and after have more seeds, the human
+reward's further seeds are those of `headline.py`, if it has some with as many steps. Each tuning is a run under
+`outputs/tune/`; one that was killed goes on with the same command.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def spoiled(text: str, seed: int) -> str:
 
 
 def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
-    """One tuning, as far as it is not there yet, and what it found."""
+    """Do one tuning, or what is missing of it, and say what it found."""
     text = human.program(get(task))
     names = ("trials", "sample", "seeds", "seed", "worlds")
     settings = {name: getattr(options, name) for name in names}
@@ -101,11 +101,10 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
 
 
 def between(own: Record) -> list[float] | None:
-    """The difference of after and before and the ends of its interval, as `Tuned` says it, from what is kept of a
-    tuning.
+    """The difference of after and before and the ends of its interval, as in `Tuned`, from what is kept of a tuning.
 
-    Of the first ones no scores of the rival are kept, but the interval that pools its spread with those of the two. It
-    is one of the two intervals that `stats.difference` takes the wider of.
+    The first tunings kept no scores of the rival, but the interval that pools its spread with those of the two. It is
+    one of the two intervals of which `stats.difference` takes the wider.
     """
     before, after = (_defined(own["held_out"].get(name, [])) for name in ("before", "after"))
     share = race.share(len(own["held_out"].get("after", [])), own["settings"]["seeds"])
@@ -139,7 +138,7 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
 
 
 def once(name: str, options: argparse.Namespace) -> str:
-    """What a tuning found, which is repeated no more than its file knows."""
+    """What a tuning found. One that is in the results is not repeated."""
     found = read(options.out).get(name)
     if found is None:
         found = measure(*name.split("/")[:2], options)
@@ -168,13 +167,13 @@ def way_back(own: Record, reference: Record) -> float | None:
 
 
 def human_again(row: Record, steps: int) -> Record | None:
-    """The human reward with other seeds than chose anything, from a row of `headline.py` with as many steps."""
+    """The human reward with seeds that chose nothing, from a row of `headline.py` with as many steps."""
     scores = row.get("confirmed", {}).get("human")
     return {"held_out": {"before": scores}} if scores and row["steps"] == steps else None
 
 
 def rows(results: Record, table: Record | None = None) -> list[list[str]]:
-    """A row for each tuning, and one for the same two texts with more seeds where there are such.
+    """A row for each tuning, and one for the same two texts with more seeds where there are any.
 
     Args:
         table: the rows of `headline.py`; None for those that are measured.

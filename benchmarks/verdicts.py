@@ -1,12 +1,12 @@
-"""How often does a race call rewards different that are equal? Drawn scores, nothing trains.
+"""How often does a race call equal rewards different? Scores are drawn at random; nothing trains.
 
     python benchmarks/verdicts.py      # minutes; writes benchmarks/results/verdicts.json
     make docs                          # the table in docs/reference/measurements.md
 
 The races are those of `openeureka.method.race`. Their scores are drawn from normal distributions with the spreads of
-the rows of docs/reference/headline.md, one row after another. What plays and what is held out are the same scores, so
-a winner is flattered as much as it can be. Three intervals decide in turn: the one in use, the one that it replaced,
-which takes all rewards as equally noisy, and Welch's, in which each has its own spread and nothing else.
+the rows of docs/reference/headline.md, one row after another. Played and held-out scores are the same here, so a
+winner is flattered as much as it can be. Three intervals decide in turn: the one in use; the one that it replaced,
+which takes all rewards as equally noisy; and Welch's, which uses only the spreads of the two rewards compared.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from openeureka.stats import Difference
 
 RESULTS = results("verdicts")
 RACES = 2500
-"""Of each row of the table, so many with equal rewards and so many with different ones."""
+"""For each row of the table, so many with equal rewards and so many with different ones."""
 SEEDS = (3, 5)
 GAP = 2.5
 """How much better the different rewards are, in spreads of the difference of one seed each."""
@@ -36,11 +36,11 @@ TITLES = (
 )
 
 Spreads = tuple[Sequence[float], float]
-"""Of the rewards that race, and of the human one."""
+"""Spreads of the rewards that race, and of the human one."""
 
 
 def measure(races: int = RACES) -> Record:
-    """All rules, by their name and the most seeds."""
+    """Try all rules with each number of seeds."""
     rows = spreads(read(headline.RESULTS))
     found: Record = {"races": races, "gap": GAP, "date": today(), "rows": rows, "rules": {}}
     for name, rule in RULES.items():
@@ -51,7 +51,7 @@ def measure(races: int = RACES) -> Record:
 
 
 def spreads(measured: Mapping[str, Record]) -> dict[str, Spreads]:
-    """By task, where F has more than two values: else no spread decides."""
+    """Spreads by task, where F has more than two values: else no spread decides."""
     found: dict[str, Spreads] = {}
     for env, row in measured.items():
         scores = [[score for score in row[name] if score is not None] for name in ("generated", "human")]
@@ -98,7 +98,7 @@ Rule = Callable[..., Difference | None]
 
 @contextmanager
 def deciding(rule: Rule) -> Iterator[None]:
-    """Races are decided by another interval meanwhile."""
+    """Within the block, races are decided by another interval."""
     usual, race.difference = race.difference, rule
     try:
         yield
@@ -139,7 +139,7 @@ RULES: Mapping[str, Rule] = {
 
 
 def rows(measured: Record) -> list[list[str]]:
-    """A row a rule and number of seeds: means over the rows of the table."""
+    """One row per rule and number of seeds: means over the rows of the table."""
     found: list[list[str]] = []
     for name, per_row in measured.get("rules", {}).items():
         rule, seeds = name.split("/")

@@ -54,7 +54,7 @@ RESULTS = results("words")
 FILMS, KEY = OUTPUTS / "words" / "films", OUTPUTS / "words" / "key.json"
 PICTURE = ROOT / "docs" / "images" / "words.webp"
 SECONDS, FROM, PICTURES, COLUMNS = 8.0, 120, 20, 5
-"""Of a film; the first picture of its sheet, how many it has, every second one of 30 a second, and how they lie."""
+"""[s] of a film; first picture of its sheet, number of pictures (every second one of 30 a second), and its columns."""
 TITLES = ("measure", *GROUPS.values(), "difference, 95 % interval")
 
 
@@ -93,7 +93,7 @@ def gait(recorded: Episodes | None) -> Record:
 
 
 def film() -> None:
-    """A film and a sheet of every policy, numbered by lot; the key is not beside them."""
+    """Make a film and a sheet of every policy, numbered by lot; the key is kept in another folder."""
     shown = [(group, number, policy) for group in GROUPS for number, policy in enumerate(policies(group).values())]
     Random(claims.SEED).shuffle(shown)
     FILMS.mkdir(parents=True, exist_ok=True)
@@ -150,7 +150,7 @@ def values(group: Sequence[Record], name: str) -> list[float]:
 
 
 def rows(measured: Record) -> list[tuple[str, ...]]:
-    """A row a measure, with the difference of the groups' means; its interval is that over rewards."""
+    """One row per measure, with the difference of the groups' means; its interval is that over rewards."""
     found = []
     for name, title in MEASURES.items():
         without, told = (values(measured["groups"][group], name) for group in GROUPS)

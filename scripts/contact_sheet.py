@@ -4,7 +4,7 @@ python scripts/contact_sheet.py                        # needs OpenGL, MUJOCO_GL
 python scripts/contact_sheet.py --env shadow_hand_pen --out pen.png
 python scripts/contact_sheet.py --films sheet.png      # four moments of an encoded film of each, about 15 minutes
 
-With --films it says what each film cost, and how much of the picture what moves needs; above 1, the edge cuts it.
+With --films it says what each film cost, and what share of the picture the moving things need: above 1, the edge cuts.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def framed(picture: np.ndarray, env: str) -> Image.Image:
 
 
 def sheet(tiles: Sequence[Image.Image], most: int = COLUMNS) -> Image.Image:
-    """Tiles in rows of at most so many, none alone in the last, with a palette: a third of the size, and no eye sees
-    it."""
+    """Tiles in rows of at most `most`, none alone in the last row. The palette makes the file three times smaller, and
+    nobody sees it."""
     columns = next((c for c in range(min(most, len(tiles)), 2, -1) if len(tiles) % c != 1), min(2, len(tiles)))
     width, height = tiles[0].size
     whole = Image.new("RGB", (columns * width, -(-len(tiles) // columns) * height), "white")

@@ -28,7 +28,7 @@ Record = Mapping[str, Any]
 
 
 def robust(shown: Mapping[str, Mapping[str, Record]]) -> str:
-    """F of the policies in their own world and in each hard one: a point a seed, a line through the means."""
+    """F of the policies in their own world and in each hard one: a point per seed, a line through the means."""
     figure = _figure(9.0, 2.6 * max(1, len(shown)))
     for row, (task, measured) in enumerate(shown.items()):
         axes = figure.add_subplot(len(shown), 1, row + 1)
@@ -52,7 +52,7 @@ def robust(shown: Mapping[str, Mapping[str, Record]]) -> str:
 def correlations(
     rows: Sequence[tuple[str, str, Sequence[float | None]]], shares: Sequence[float], title: str, of: str
 ) -> str:
-    """How a rank correlation rises with the share of a training: rows of task, panel and a value a share."""
+    """How a rank correlation rises with the share of a training: rows of task, panel and a value per share."""
     panels = list(dict.fromkeys(panel for _, panel, _ in rows))
     figure = _figure(8.0, 3.0)
     for place, panel in enumerate(panels):
@@ -78,7 +78,7 @@ def bars(rows: Sequence[tuple[str, str, float, float, float]]) -> str:
     for place, (_, ending, value, low, high) in enumerate(rows):
         axes.barh(place, value, color=ENDINGS[ending], height=0.6)
         axes.plot([low, high], [place, place], "-", color="#222222", linewidth=1.0)
-        axes.plot(value, place, "o", color="#222222", markersize=4.0)  # a bar of zero length is none
+        axes.plot(value, place, "o", color="#222222", markersize=4.0)  # a bar of zero length cannot be seen
     axes.axvline(0.0, color="#222222", linewidth=1.0)
     axes.set_xlim(-1.5, 1.5)  # an interval of three seeds can be ten times as wide, and would flatten all others
     axes.set_yticks(range(len(rows)), [task for task, *_ in rows])

@@ -101,7 +101,7 @@ def side(name: str, frames: Sequence[Sequence[Image.Image]], ends: np.ndarray) -
 
 
 def chart(height: int) -> Image.Image:
-    """Held-out F of both rewards: a dot a seed, a line at the mean."""
+    """Held-out F of both rewards: a dot per seed, a line at the mean."""
     held_out = json.loads(RESULTS.read_text())["held_out"]
     figure, axes = plt.subplots(figsize=(2.1, height / 100), dpi=200, layout="constrained")
     for place, (name, colour) in enumerate(COLOURS.items()):

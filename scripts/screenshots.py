@@ -42,7 +42,7 @@ SEARCH = [
     "video=all",
 ]
 ROWS = ("ant", "cartpole", "franka_cabinet", "humanoid", "quadcopter", "shadow_hand_over", "shadow_hand_switch")
-"""Of the table, which the list shows beside the run that is made."""
+"""Rows of the table whose runs the list shows, besides the run that is made."""
 SHOWN = {"runs": 560, "run": 1400, "candidates": 1400, "report": 1400}
 """What the docs show, and how much of it [pixels]."""
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
@@ -56,7 +56,7 @@ def unpack(rows: Iterable[str], folder: Path) -> None:
 
 
 def addresses(run: Path, page: str) -> dict[str, str]:
-    """Of every page, by name; `page` is where `eureka ui` serves."""
+    """The address of every page, by name; `page` is where `eureka ui` serves."""
     view = RunView.read(run)
     assert view.best is not None
     chosen = [view.best, *(c for c in view.candidates if c.parent is not None and c.result is not None)]
@@ -76,7 +76,7 @@ def addresses(run: Path, page: str) -> dict[str, str]:
 
 def shoot(page: Page, address: str, file: Path, *, whole: bool) -> None:
     page.goto(address)
-    for _ in range(20):  # what is drawn or loaded when it can be seen
+    for _ in range(20):  # some things are drawn or loaded only when they come into view
         page.mouse.wheel(0, 1000)
         page.wait_for_timeout(50)
     page.evaluate("scrollTo(0, 0)")
