@@ -231,7 +231,7 @@ def kill_and_resume(folder: Path, kind: str, mode: str, k: int) -> Path | None:
 
 @dataclass(kw_only=True)
 class Outcome:
-    """Of all points of a mode: how many there were, and how many runs ended as if they had never been killed."""
+    """Over all points of a mode: how many there were, and how many runs ended as if they had never been killed."""
 
     points: int = 0
     intact: int = 0

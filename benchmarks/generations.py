@@ -56,7 +56,7 @@ def best(generation: Generation) -> Record | None:
 
 
 def scored(leading: list[Record | None]) -> list[Record]:
-    """Those that played, with a defined F."""
+    """The scores whose F is defined."""
     return [score for score in leading if score is not None and score["fitness"] is not None]
 
 

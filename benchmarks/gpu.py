@@ -82,7 +82,7 @@ def attempt(part: Callable[..., Found], *arguments: Any) -> Found:
 
 
 def _isolated(part: Callable[..., Found], *arguments: Any) -> Found:
-    """Run a part in a process of its own. Trainings need none here: they have worker processes."""
+    """Run a part in a separate process. Trainings need none here: they have worker processes."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
         return process.submit(part, *arguments).result()
 

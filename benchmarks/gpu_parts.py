@@ -243,7 +243,7 @@ def epoch(env: str, device: str, sizes: Sizes) -> Found:
 
 
 def _lanes(programs: Sequence[RewardGraph]) -> list[LaneSpec]:
-    """A lane each, with a seed of its own."""
+    """One lane per program, each with its own seed."""
     return [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
 
 

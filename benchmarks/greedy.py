@@ -35,7 +35,7 @@ TITLES = (
 
 
 def greedy(history: History) -> Scored | None:
-    """What a search crowns that looks at training alone."""
+    """What a search crowns if it looks only at training."""
     unplayed = [
         replace(generation, entries=tuple(replace(entry, played=None) for entry in generation.entries))
         for generation in history.generations

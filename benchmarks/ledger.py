@@ -31,7 +31,7 @@ DEFAULTS = {
 
 
 def whole(env: str, **changes: float) -> Record:
-    """A task's recipe as JSON gives it back, with these values in place of its own."""
+    """A task's recipe as JSON gives it back, with `changes` in place of its own values."""
     recipe = dataclasses.replace(registry.get(env).recipe, **changes)
     return {**dataclasses.asdict(recipe), "hidden": list(recipe.hidden)}
 

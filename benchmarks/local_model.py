@@ -4,7 +4,7 @@
     python benchmarks/local_model.py --env ant --model local --no-train # one look, without training; kept nowhere
 
 An arm is the first generation of a search (`outputs/local_model/TASK/MODEL`): every accepted program trains as one lane
-of one population, beside the human and the sparse reward, with the same seed. `random` draws from the model's grammar
+of one population, besides the human and the sparse reward, with the same seed. `random` draws from the model's grammar
 without a model and is the control. The same command goes on where it was broken off, and asks for no reply twice.
 """
 

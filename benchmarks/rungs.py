@@ -5,7 +5,7 @@
     python benchmarks/rungs.py --env ant --worlds 64 --horizon 32                # a strong model's rewards as well
     make docs                                                                    # docs/reference/measurements.md
 
-Each lane is one training. At each rung its policy of that moment plays, as in a search, on start states of its own.
+Each lane is one training. At each rung its policy of that moment plays, as in a search, but on other start states.
 What is done is in `benchmarks/results/rungs.json` and is not repeated; lanes are trained in parts, each written when it
 is done.
 """
@@ -246,7 +246,7 @@ def studied(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
 
 
 def common_seeds(scores: Played) -> list[int]:
-    """Those that every reward trained with."""
+    """The seeds that every reward trained with."""
     return sorted(set.intersection(*(set(of) for of in scores.values())))
 
 

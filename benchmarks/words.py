@@ -73,7 +73,7 @@ def measure(group: str) -> list[Record]:
 
 
 def policies(group: str) -> dict[str, bytes]:
-    """By lane, the policy that stands for a reward."""
+    """Lane -> the policy that stands for its reward."""
     with Store.view(OUTPUTS / "words" / group) as store:
         scores = store.lanes.evaluations()
         found = {lane: store.lanes.policy(lane, score.peak) for lane, score in scores.items() if score.peak}

@@ -28,7 +28,7 @@ OUT = Path(__file__).parents[1] / "docs" / "images" / "tasks.png"
 COLUMNS = 7
 WIDTH, HEIGHT, CAPTION, FONT = 272, 153, 34, 25  # [pixels] of a tile's picture, the line below it and its letters
 HAND = "shadow_hand_"
-"""What most tasks are called first; a caption that people read at half its size has no room for it."""
+"""Most names begin with this; a caption that people read at half its size has no room for it."""
 OVERSAMPLING = 2
 COLOURS = 144
 SECONDS = 0.15  # of random control

@@ -100,7 +100,7 @@ class Live(Stage):
         return int(self.model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
 
     def _colour(self, geom: int) -> list[float]:
-        """As MuJoCo draws it: that of its material, unless it has one of its own."""
+        """The colour in which MuJoCo draws a geom: that of its material, unless the geom has its own."""
         own, material = self.model.geom_rgba[geom], int(self.model.geom_matid[geom])
         plain = material >= 0 and np.allclose(own, (0.5, 0.5, 0.5, 1.0))
         return (self.model.mat_rgba[material] if plain else own).tolist()

@@ -16,7 +16,7 @@ _OTHER_FORMS = {
     "event:": "it streams its answers, which nobody asked for: switch that off there",
     "<": "its answer is a web page",
 }
-"""What an answer is that is no JSON, by how it begins."""
+"""Beginning of an answer that is not JSON -> what this answer is."""
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
 """Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 

@@ -1,4 +1,4 @@
-"""The embedded model: open weights on this machine's cores, through llama.cpp, in a process of its own."""
+"""The embedded model: open weights on this machine's cores, through llama.cpp, in a separate process."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ are the descriptors of these pipes and of memory that both sides map. Requests: 
 environment and says what it is; `reset` and `step` leave their results in the mapped memory; `picture`. The answer to a
 fault is a frame with `broken`.
 
-Nothing of openeureka is imported, and the syntax is that of Python 3.8. What a suite needs is in a file of its own in
+Nothing of openeureka is imported, and the syntax is that of Python 3.8. What a suite needs is in a separate file of
 this folder, which is loaded for this suite only.
 """
 

@@ -1,4 +1,4 @@
-"""What the two-handed tasks share, from two Shadow Hands to a success that stands once it is reached."""
+"""What the two-handed tasks share: two Shadow Hands, and a success that counts once it is reached."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Pot:
     mass: float = 3.0
     lid_mass: float = 1.0
     inertia: Vector = (0.4, 0.4, 0.2)
-    """Of the body and of the lid, each [kg m2]."""
+    """Inertia of the body and of the lid, each [kg m2]."""
     friction: float = 2.0
     bodies: ClassVar[int] = 3
 
@@ -174,7 +174,7 @@ class Bottle:
     mass: float = 0.35
     cap_mass: float = 0.0026
     stiffness: float = 5.0
-    """Of the slide [N/m] and of the turn [N m/rad]: the original gives both joints the same numbers."""
+    """Stiffness of the slide [N/m] and of the turn [N m/rad]: the original gives both joints the same numbers."""
     damping: float = 1.0
     """[N s/m] and [N m s/rad]"""
     friction: float = 5.0

@@ -40,5 +40,5 @@ class Pair(Catch):
         return super().terminated(s) | (s["object_another_pos"][:, 2] <= self.drop_height)
 
     def distances(self, s: State) -> tuple[Tensor, Tensor]:
-        """Of both things from their goals (N,) [m]."""
+        """Distances (N,) of both things from their goals [m]."""
         return distance(s["object_pos"], s["goal_pos"]), distance(s["object_another_pos"], s["goal_another_pos"])

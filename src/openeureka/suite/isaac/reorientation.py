@@ -1,4 +1,5 @@
-"""What the hands share: an object in the palm is turned to one goal orientation after the other, until it falls."""
+"""What the tasks of one hand share: an object in the palm is turned to one goal orientation after the other, until it
+falls."""
 
 from __future__ import annotations
 
