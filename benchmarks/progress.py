@@ -93,7 +93,7 @@ def played(lane: Record) -> float | None:
 
 def lacks(entry: Record | None) -> bool:
     """Whether an arm of a task is missing: a task that was interrupted between them has only the first."""
-    return entry is None or entry["arms"].keys() < set(ARMS)
+    return entry is None or not set(ARMS) <= entry["arms"].keys()
 
 
 def _lanes(arm: Record, reward: str) -> list[Record]:
