@@ -145,7 +145,7 @@ def summary(records: list[Record]) -> str:
     better = sum(later["fitness"] > first["fitness"] for first, later in map(_leading, records))
     return (
         f"In {better} of {len(records)} searches a later reward plays better than the best of the first generation. "
-        "Fresh seeds need not confirm it."
+        "Such a gain may vanish with fresh seeds."
     )
 
 

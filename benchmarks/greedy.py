@@ -100,8 +100,9 @@ def summary(measured: Mapping[str, Record]) -> str:
     left = sum(map(waits, measured.values()))
     same = len(measured) - len(apart) - left
     return (
-        f"On {same} of {len(decisive())} tasks both crown the same reward. Where they differ, that of `search=best` is "
-        f"better on {better}, worse on {worse} and level on {len(apart) - better - worse}; {left} wait for their seeds."
+        f"On {same} of {len(decisive())} tasks both searches crown the same reward. Where they differ, the reward of "
+        f"`search=best` is better on {better} tasks, worse on {worse} and level on {len(apart) - better - worse}. On "
+        f"{left} tasks the seeds are not trained yet."
     )
 
 

@@ -282,23 +282,24 @@ def summary(measured: Mapping[str, Record]) -> str:
     """The rows in a few sentences. Means of seeds that chose nothing are counted apart from those that picked the
     winner."""
     ends = Counter(map(ending, measured.values()))
-    unknown = f", not known (one seed) on {ends['one seed']}" if ends["one seed"] else ""
+    unknown = f" On {ends['one seed']} it is not known, as one seed trained." if ends["one seed"] else ""
     decisive = [row for row in measured.values() if ending(row) != "both at zero"]
     other = [decided(row) for row in decisive if row.get("confirmed")]
     picked = [row for row in decisive if not row.get("confirmed")]
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
-        f"one on {ends['better']}, level on {ends['level']}, worse on {ends['worse']}{unknown}. "
-        f"On {ends['too few seeds']} three seeds are too few to tell, on {ends['both at zero']} both score zero.\n"
-        f"With seeds that chose nothing ({len(other)} tasks) its mean is above the human one's {_means(other)}; with "
-        f"those that also picked it ({len(picked)} more) {_means(picked)}."
+        f"one on {ends['better']} tasks, level on {ends['level']}, worse on {ends['worse']}. Three seeds are too few "
+        f"to tell on {ends['too few seeds']} tasks. Both rewards score zero on {ends['both at zero']}.{unknown}\n"
+        f"{len(other)} tasks trained again with seeds that chose nothing. There the generated reward's mean is "
+        f"{_means(other)}. On {len(picked)} more tasks the same seeds picked the reward and score it. There it is "
+        f"{_means(picked)}."
     )
 
 
 def _means(decisive: Sequence[Record]) -> str:
     pairs = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
     above, equal = sum(own > human for own, human in pairs), sum(own == human for own, human in pairs)
-    return f"on {above}, equal on {equal}, below on {len(pairs) - above - equal}"
+    return f"above the human one's on {above}, equal on {equal}, below on {len(pairs) - above - equal}"
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:

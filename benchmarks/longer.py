@@ -65,14 +65,14 @@ def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
 
 def summary(measured: Mapping[str, Record]) -> str:
     """How many are at or above the human reward now; nothing before one is measured."""
-    return f"After three generations {reached(measured)}" if measured else ""
+    return f"After three generations, {reached(measured)}" if measured else ""
 
 
 def reached(measured: Mapping[str, Record]) -> str:
     """How many of the later searches are at or above the human reward: the end of a sentence."""
     decisive = [headline.decided(row) for row in measured.values()]
     above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
-    return f"{above} of {len(decisive)} are at or above the human reward."
+    return f"the generated reward is at or above the human one on {above} of {len(decisive)} tasks."
 
 
 def run(doc: str | None, plan: Path, archive: Path, found: Path) -> None:

@@ -36,7 +36,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 
 def summary(measured: Mapping[str, Record]) -> str:
     """How many are at or above the human reward now; nothing before one is measured."""
-    return f"With the mended prompts {longer.reached(measured)}" if measured else ""
+    return f"With the mended prompts, {longer.reached(measured)}" if measured else ""
 
 
 if __name__ == "__main__":

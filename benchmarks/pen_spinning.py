@@ -109,8 +109,8 @@ def summary(found: Record) -> str:
     """Whether the curriculum is worth its first stage."""
     tuned, scratch = (found["arms"][key]["cycles"] for key in ("fine_tuned", "scratch"))
     return (
-        f"{'It does' if tuned > scratch else 'Not'} with {found['env_steps']:,} steps: after both stages the pen spins "
-        f"{number(tuned, 2)} times an episode, from scratch {number(scratch, 2)} times."
+        f"{'Yes' if tuned > scratch else 'No'}, with {found['env_steps']:,} steps: after both stages the pen spins "
+        f"{number(tuned, 2)} times an episode, after a training from scratch {number(scratch, 2)} times."
     )
 
 

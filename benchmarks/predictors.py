@@ -118,8 +118,8 @@ def summary(study: Mapping[str, Record]) -> str:
     sure = [place for place in PLACES if (over := _mean(found[place])) is not None and over.sure]
     place = sure[0] if sure else PLACES[-1]
     return (
-        f"{'Something' if sure else 'Nothing for sure'}, over {len(study)} tasks. After {Fraction(SHARES[place])} of a "
-        f"training the rank correlation of F is {_over(found[place])}."
+        f"{'Something' if sure else 'Nothing certain'}, over {len(study)} tasks. After {Fraction(SHARES[place])} of a "
+        f"training, F's rank correlation with the final score is {_over(found[place])}."
     )
 
 

@@ -108,10 +108,10 @@ def summary(study: Mapping[str, Record]) -> str:
         found = ttest_ind(*(_scores(lanes, ids) for ids in own["rewards"].values()))
         sure = sure or found.pvalue < 1 - CONFIDENCE
         told += (
-            f" On {env} the difference is {abs(found.statistic):.1f} times its own error, and chance makes such a one "
-            f"in {100 * found.pvalue:.0f} % of cases."
+            f" On {env} the difference is {abs(found.statistic):.1f} times its standard error; without any effect, "
+            f"chance makes so large a one in {100 * found.pvalue:.0f} % of cases."
         )
-    return f"{'It is decided on a task' if sure else 'It is not decided'}.{told}"
+    return f"{'A difference is shown on one task or more' if sure else 'No difference is shown'}.{told}"
 
 
 def _lanes(own: Record) -> dict[str, list[float]]:

@@ -209,8 +209,8 @@ def summary(study: Mapping[str, Record]) -> str:
 
     whole = [rank(cells[-1]) for cells in fresh]
     return (
-        f"The rank correlation with the ends of other seeds is {most((0, 1))} at most for the first two rungs, "
-        f"{most(range(2, len(RUNGS) - 1))} at most for the later ones, {number(min(whole), 2)} to "
+        f"The rank correlation with the final scores of other seeds is at most {most((0, 1))} for the first two rungs, "
+        f"at most {most(range(2, len(RUNGS) - 1))} for the later ones, and {number(min(whole), 2)} to "
         f"{number(max(whole), 2)} for whole trainings."
     )
 

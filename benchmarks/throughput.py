@@ -200,10 +200,10 @@ def sentence(measured: Record) -> str:
     theirs = [number(ratio[f"training over stable-baselines3{arm}"], 2) for arm in BASELINES]
     ours, ant, humanoid = (number(ratio[f"training over raw stepping, {env}"], 2) for env in RAW)
     return (
-        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults. "
-        f"They train {theirs[1]} times as fast as it does with an environment a core, and {theirs[2]} times as fast as "
-        f"with our batch, passes and network too. That is {ours} of the speed at which the simulator steps alone, with "
-        f"resets. For our Ant it is {ant}, for Humanoid {humanoid}.\n"
+        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults, "
+        f"{theirs[1]} times as fast as stable-baselines3 with one environment per core, and {theirs[2]} times as fast "
+        f"as that with our batch, passes and network too. Training runs at {ours} of the speed of the simulator alone, "
+        f"resets included. For our Ant this share is {ant}, for Humanoid {humanoid}.\n"
     )
 
 
@@ -212,8 +212,8 @@ def waiting(measured: Record) -> str:
     ratio: Mapping[str, float] = measured["ratio_of_medians"]
     more, fewer = ratio["a process a core over one process"], 1 / ratio["one process over eight"]
     return (
-        f"With eight lanes of Ant on {measured['machine']['cores']} cores, a worker a core is {number(more, 3)} times "
-        f"as fast as one, start included, and eight workers {number(fewer, 2)} times.\n"
+        f"With eight lanes of Ant on {measured['machine']['cores']} cores, one worker per core is {number(more, 3)} "
+        f"times as fast as a single worker, and eight workers are {number(fewer, 2)} times as fast, start included.\n"
     )
 
 

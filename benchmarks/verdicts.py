@@ -153,8 +153,9 @@ def summary(measured: Record) -> str:
     """How often the interval in use errs with the fewest seeds, and how often it finds what there is."""
     _, seeds, equal, worst, better, _ = rows(measured)[0]
     return (
-        f"With the interval in use and {seeds} seeds, {equal} of races between equal rewards end in a sure verdict, "
-        f"{worst} in the worst row. Where the winner is better by {measured['gap']} spreads, {better} do."
+        f"With today's interval and {seeds} seeds, {equal} of races between equal rewards end in a false verdict, and "
+        f"{worst} in the worst case. Where the winner is better by {measured['gap']} standard deviations, {better} of "
+        f"races find it."
     )
 
 

@@ -34,7 +34,8 @@ def test_the_verdict_in_use_is_the_one_that_is_told():
     row = {"sure": 0.04, "found": 0.5, "seeds": 3.0}
     rules = {"in use/3": [row, row | {"sure": 0.06}], "another/3": [row | {"sure": 1.0}]}
     said = verdicts.summary({"gap": 2.5, "rules": rules})
-    assert "3 seeds, 5.0 % of races" in said and "6.0 % in the worst row" in said and "2.5 spreads, 50.0 % do." in said
+    assert "3 seeds, 5.0 % of races" in said and "6.0 % in the worst case" in said
+    assert "2.5 standard deviations, 50.0 % of races find it." in said
 
 
 def trained(**rewards: list[float]) -> dict[str, Any]:
@@ -48,9 +49,9 @@ def trained(**rewards: list[float]) -> dict[str, Any]:
 def test_advice_is_decided_where_chance_makes_such_a_difference_in_one_of_twenty_cases_at_most():
     # Means 2 and 3, each with a variance of 1 over three: the error is sqrt(2 / 3), t is 1.22 with four degrees.
     said = prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[2.0, 3.0, 4.0])})
-    assert said.startswith("It is not decided. On ant the difference is 1.2 times its own error")
+    assert said.startswith("No difference is shown. On ant the difference is 1.2 times its standard error")
     assert said.endswith("in 29 % of cases.")
-    assert prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[9.0, 10.0, 11.0])}).startswith("It is decided on a")
+    assert prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[9.0, 10.0, 11.0])}).startswith("A difference is shown")
 
 
 def test_rungs_are_told_by_the_highest_correlation_and_whole_trainings_by_both_ends(monkeypatch: pytest.MonkeyPatch):
@@ -58,14 +59,20 @@ def test_rungs_are_told_by_the_highest_correlation_and_whole_trainings_by_both_e
     found = [("", "", title, own) for own in cells for title in (rungs.FRESH, "same lane")]
     monkeypatch.setattr(rungs, "correlations", lambda _: [*found, ("", "", "same lane", [1.0] * 6)])
     said = rungs.summary({})
-    assert "is 0.1 at most for the first two rungs, 0.3 at most for the later ones, 0.4 to 0.6 for whole" in said
+    assert "is at most 0.1 for the first two rungs, at most 0.3 for the later ones, and 0.4 to 0.6 for whole" in said
 
 
 @pytest.mark.parametrize(
     ("tasks", "said"),
     [
-        ([0.5, 0.6, 0.7], "Something, over 3 tasks. After 1/4 of a training the rank correlation of F is 0.6 (0.35 to"),
-        ([-0.5, 0.6, 0.7], "Nothing for sure, over 3 tasks. After 1/2 of a training the rank correlation of F is 0.27"),
+        (
+            [0.5, 0.6, 0.7],
+            "Something, over 3 tasks. After 1/4 of a training, F's rank correlation with the final score is 0.6 (0.35",
+        ),
+        (
+            [-0.5, 0.6, 0.7],
+            "Nothing certain, over 3 tasks. After 1/2 of a training, F's rank correlation with the final score is 0.27",
+        ),
     ],
 )
 def test_curves_are_told_at_the_first_share_that_is_sure(
@@ -82,7 +89,7 @@ def test_a_curriculum_helps_where_its_policy_spins_the_pen_more_often():
         for name, cycles, best in (("pre_trained", 0.1, 9.0), ("fine_tuned", 0.2, 3.0), ("scratch", 0.3, 4.0))
     }
     found = {"env_steps": 1000, "arms": arms}
-    assert pen_spinning.summary(found).startswith("Not with 1,000 steps: after both stages the pen spins 0.2 times")
+    assert pen_spinning.summary(found).startswith("No, with 1,000 steps: after both stages the pen spins 0.2 times")
     assert [row[2] for row in pen_spinning.rows(found)] == ["-", "3", "4"]
     arms["fine_tuned"]["cycles"] = 0.4
-    assert pen_spinning.summary(found).startswith("It does with 1,000 steps")
+    assert pen_spinning.summary(found).startswith("Yes, with 1,000 steps")

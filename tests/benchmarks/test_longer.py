@@ -51,6 +51,9 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(monkeypatch: pyte
     apart = {"generated": [1.0, 2.0, 3.0], "human": [4.0, 5.0, 6.0], "difference": [-3.0, -5.27, -0.73]}
     (told,) = longer.rows({"ant": row | {"confirmed": row["confirmed"] | apart}})
     assert told[-2] == "level", "alone it would be worse, but four are asked"
-    assert longer.summary({"ant": row}) == "After three generations 1 of 1 are at or above the human reward."
+    assert (
+        longer.summary({"ant": row})
+        == "After three generations, the generated reward is at or above the human one on 1 of 1 tasks."
+    )
     lost = row | {"confirmed": row["confirmed"] | {"generated": [1.0, 1.5]}}
-    assert "After three generations 1 of 2 are" in longer.summary({"ant": row, "anymal": lost})
+    assert "on 1 of 2 tasks" in longer.summary({"ant": row, "anymal": lost})

@@ -41,7 +41,7 @@ class Kind(StrEnum):
     DRIFT = "own reward rises while F falls"
     CONCENTRATION = "F rests on few moments"
     FRAGILITY = "fails in a slightly changed world"
-    LIMITS = "breaks a limit that its search kept"
+    LIMITS = "breaks a limit of its search"
     PHYSICS = "breaks the physics"
 
 
