@@ -66,7 +66,7 @@ class RunConfig:
     """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
 
     env: str = "cartpole"
-    """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or `dmc:`, `mjlab:` and others with `python=`."""
+    """A name from `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`; `python=` adds `dmc:`, `mjlab:` and others."""
     model: str = "local"
     """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, `replay:FILE.json`, or the name of a model at an endpoint."""
     base_url: str = ""
@@ -80,55 +80,55 @@ class RunConfig:
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     safety: str = ""
-    """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
+    """Safety requirements for the reward, in words for the model: `torques below 40 N m, smooth joints`."""
     limits: str = ""
-    """Upper limits on costs in play; a reward whose policy exceeds one cannot win: `torque_peak=40 falls=0.1`."""
+    """Upper limits on costs of played policies; a reward that exceeds one cannot win: `torque_peak=40 falls=0.1`."""
     feedback: str = "none"
-    """`none`, or `human`: after each generation wait for what a person says of it."""
+    """`none`, or `human`: after each generation, wait for a person's feedback on it."""
     feedback_timeout: float = 0.0
     """Seconds to wait for a person; 0 means for ever."""
     judge: str = "fitness"
     """Candidates are ranked by `fitness`, or by the `votes` of a person."""
     repair: int = 0
-    """Repair turns a refused candidate may take before its slot is sampled anew."""
+    """How often the model may repair a refused candidate before its slot is sampled again."""
     refill: int = 2
-    """How often a slot may be asked again after refusals, or when it repeats a program of the run."""
+    """How often a slot may be sampled again after refusals, or when it repeats a program of the run."""
     temperature: float = 1.0
-    """Of the model's samples: higher ones differ more."""
+    """Sampling temperature of the model: at higher values its replies differ more."""
     curriculum: str = ""
-    """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
+    """Stages that each candidate trains through: a curriculum of the task, or a YAML file; empty means no stages."""
     randomise: str = NO_RANGES
-    """Domain randomisation, how worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    """Domain randomisation, how training worlds differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     tune: int = 0
-    """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
+    """Trainings after the search that fit the numbers in the best reward and keep its structure; 0 means none."""
     polish: int = 0
-    """Trainings that carry the best policy on in the end, each in its own way; 0 means none."""
+    """Trainings at the end that continue the best policy, each in a different way; 0 means none."""
     polish_steps: int = 0
-    """Environment steps of each of those; 0 means an eighth of the training that made the policy."""
+    """Environment steps of each training of `polish`; 0 means an eighth of the training that made the policy."""
     seed: int = 0
     """Seed of start states, noise and samples."""
     seeds: int = 3
-    """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
+    """Maximum number of fresh seeds that the leading rewards train with at the end; fewer if two or more decide."""
     steps: int = 0
     """Environment steps per candidate, in whole epochs, over all stages of a curriculum; 0 means the task's own."""
     worlds: int = 0
     """Worlds per candidate; 0 means the task's own."""
     screen: int = 1
-    """Ask for this many times the rewards that train, and train those that differ most; 1 trains every one."""
+    """Ask for this many times as many rewards as train, and train those that differ most; 1 trains every reward."""
     schedule: str = "full"
     """`full`: all train to the end. `quarter`: a quarter goes on at 1/4. `halving`: half go on at 1/8, 1/4 and 1/2."""
     bonus: str = "none"
-    """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
+    """Added to generated rewards: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or your own: `FILE.py:Name`, `pkg.mod:Name`."""
+    """Where lanes run: on this machine (`local`), on a cluster (`ray`), or your own: `FILE.py:Name`, `pkg.mod:Name`."""
     address: str = ""
-    """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
+    """The Ray cluster: `auto` (the one that this machine belongs to), `HOST:PORT`, or `local` (this machine alone)."""
     max_cost: float = 0.0
     """Stop before replies cost more than this many US dollars; 0 means no limit."""
     price: str = ""
@@ -136,7 +136,7 @@ class RunConfig:
     baselines: str = "train"
     """`train` both baselines in this run, or use the `known` scores that come with openeureka."""
     video: str = "best"
-    """`all` trained policies, the `best` or `none`; with feedback=human `all` unless set."""
+    """Film `all` trained policies, the `best` or `none`; with feedback=human the default is `all`."""
     log: str = ""
     """Mirror the run to `wandb`, `mlflow` or `tensorboard`; empty means nowhere, and no network."""
     dir: str = ""
@@ -147,16 +147,16 @@ class RunConfig:
     def __post_init__(self) -> None:
         _check_bounds(self)
         if not self.model.strip():
-            raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
+            raise ConfigError("`model` is empty. Use model=local, model=random or the name of a model at an endpoint.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0] or "?" in self.base_url:
             raise ConfigError(
-                "`base_url` must not hold a user, a password or a `?`, as settings are stored and shown; set the "
-                "environment variable OPENAI_API_KEY, or OPENAI_BASE_URL instead of base_url=."
+                "`base_url` must not hold a user name, a password or a `?`, because settings are stored and shown. Put "
+                "a key in the environment variable OPENAI_API_KEY, or set OPENAI_BASE_URL instead of base_url=."
             )
         if 0 < self.tune < FEWEST_TUNED:
             raise ConfigError(f"`tune` must be 0 or at least {FEWEST_TUNED}, not {self.tune}.")
         if self.polish_steps and not self.polish:
-            raise ConfigError("`polish_steps` says how long policies are carried on; add polish=4, or leave it out.")
+            raise ConfigError("`polish_steps` has no effect without `polish`; add polish=4, or leave it out.")
         choices = {
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
@@ -173,15 +173,17 @@ class RunConfig:
                     f"`{key}` must be one of {', '.join(filter(None, allowed))}, not `{getattr(self, key)}`."
                 )
         if self.curriculum and self.schedule != "full":
-            raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
+            raise ConfigError(f"`schedule={self.schedule}` does not work with `curriculum=`; leave one of them out.")
         if self.cost_limits and (self.search == "eureka" or self.model == NO_MODEL):
-            raise ConfigError("`limits` needs a search that lets policies play; use it with search=best.")
+            raise ConfigError("`limits` needs a search that plays trained policies; use it with search=best.")
         if self.screen > 1 and (self.search == "eureka" or self.model == NO_MODEL):
-            raise ConfigError("`screen` judges by policies that were played; use it with search=best and a model.")
+            raise ConfigError(
+                "`screen` needs a search that plays trained policies; use it with search=best and a model."
+            )
         if self.judge == "votes" and self.feedback != "human":
-            raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
+            raise ConfigError("`judge=votes` needs a person who votes; add feedback=human.")
         if self.judge == "votes" and self.schedule != "full":
-            raise ConfigError(f"`schedule={self.schedule}` cuts by F what nobody has voted on; use schedule=full.")
+            raise ConfigError(f"`schedule={self.schedule}` drops rewards by F before anyone votes; use schedule=full.")
 
     @property
     def cost_limits(self) -> dict[str, float]:
@@ -190,13 +192,13 @@ class RunConfig:
         for word in self.limits.replace(",", " ").split():
             name, _, most = word.partition("=")
             if name in found:
-                raise ConfigError(f"`limits` limits `{name:.80}` twice; leave one of them out.")
+                raise ConfigError(f"`limits` names `{name:.80}` twice; leave one of them out.")
             try:
                 found[name] = float(most)
             except ValueError:
                 found[name] = math.nan
             if not 0.0 <= found[name] < math.inf:
-                raise ConfigError(f"`{word:.80}` in `limits` is no limit; write a cost and its most: torque=40.")
+                raise ConfigError(f"`{word:.80}` in `limits` is not a limit; write a cost and its maximum: torque=40.")
         return found
 
     @property
@@ -220,9 +222,9 @@ class TrainConfig:
     reward: str = "human,sparse"
     """Comma-separated: `human`, `sparse` or the path of a reward file."""
     curriculum: str = ""
-    """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
+    """Stages that each reward trains through: a curriculum of the task, or a YAML file; empty means no stages."""
     randomise: str = NO_RANGES
-    """Domain randomisation, how worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    """Domain randomisation, how training worlds differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     seeds: int = 1
@@ -234,19 +236,19 @@ class TrainConfig:
     worlds: int = 0
     """Worlds per training; 0 means the task's own."""
     bonus: str = "none"
-    """What reward files get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
+    """Added to reward files: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or your own: `FILE.py:Name`, `pkg.mod:Name`."""
+    """Where lanes run: on this machine (`local`), on a cluster (`ray`), or your own: `FILE.py:Name`, `pkg.mod:Name`."""
     address: str = ""
-    """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
+    """The Ray cluster: `auto` (the one that this machine belongs to), `HOST:PORT`, or `local` (this machine alone)."""
     log: str = ""
     """Mirror the run to `wandb`, `mlflow` or `tensorboard`; empty means nowhere, and no network."""
     dir: str = ""
-    """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
+    """Run directory; empty means `outputs/<time>_train_<env>`. If it already holds this run, the run continues."""
     unsafe_no_sandbox: bool = False
     """Run reward files in an unconfined child process where the kernel cannot confine it."""
 
@@ -265,17 +267,17 @@ class TuneConfig(TrainConfig):
     """Fitting the numbers of one reward, its structure kept. Zero means the default of the task."""
 
     reward: str = "human"
-    """`human`, the path of a reward file, or the directory of a run, whose best reward it is."""
+    """`human`, the path of a reward file, or a run directory, for the best reward of that run."""
     trials: int = 32
-    """Trainings that the numbers are fitted by, the reward as it came among them."""
+    """Trainings to fit the numbers with; one of them trains the unchanged reward."""
     bonus: str = "none"
-    """What it gets, `human` too: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
+    """Added to the reward, `human` too: `none`; `original`, 250 on success in hands; `progress`, for rare stages."""
     sample: int = 8
-    """Trainings side by side, after which the next ones are proposed."""
+    """Trainings per round: they run side by side, then the next round is proposed."""
     seeds: int = 3
-    """Fresh seeds that the best train with at the end, at most, beside the reward as it came."""
+    """Maximum number of fresh seeds that the best weightings and the unchanged reward train with at the end."""
     dir: str = ""
-    """Run directory; empty means `outputs/<time>_tune_<env>`. One that holds such a run is continued."""
+    """Run directory; empty means `outputs/<time>_tune_<env>`. If it already holds this run, the run continues."""
 
     def __post_init__(self) -> None:
         _check_bounds(self, **dict.fromkeys(("trials", "sample"), (FEWEST_TUNED, _MANY, "")))
@@ -294,19 +296,19 @@ class RobustConfig:
     base_url: str = ""
     """OpenAI-compatible endpoint; empty means the run's."""
     sample: int = 8
-    """Proposals."""
+    """Proposals of ranges that the model writes."""
     repair: int = 2
-    """Times that the model may correct one that cannot be used."""
+    """How often the model may correct a proposal that cannot be used."""
     start: str = BEST
-    """What its trainings begin with: `best`, the policy itself, or `scratch`."""
+    """What the trainings start from: the `best` policy of the run, or `scratch`."""
     steps: int = 0
-    """Environment steps of each training; 0 means half of the policy's own, and from scratch those of the run."""
+    """Environment steps of each training; 0 means half of what trained the policy, or from scratch those of the run."""
     device: str = ""
     """As in `eureka run`; empty means the run's."""
     threads: int = 0
     """Cores to train on; 0 means those of the run."""
     max_cost: float = 0.0
-    """As in `eureka run`, the search's replies included; without it the run's, and 0 lifts that limit."""
+    """As in `eureka run`, including what the search spent; if not given, the run's limit; 0 removes the limit."""
     price: str = ""
     """As in `eureka run`; empty means the run's."""
 

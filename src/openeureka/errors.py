@@ -80,11 +80,11 @@ def lacking(error: OSError) -> str:
     """Which resource the machine lacks or has used up, and what to do; empty for any other error."""
     if error.errno in _USED_UP:
         return (
-            f"This machine gives no more processes, open files or memory ({error.strerror}): raise `ulimit -u` and "
+            f"This machine has run out of processes, open files or memory ({error.strerror}): raise `ulimit -u` and "
             "`ulimit -n` or the container's limits, or use fewer threads=."
         )
     if error.errno == errno.ENOENT and "temporary directory" in str(error.strerror):
-        return "There is no folder for temporary files: set TMPDIR to one that can be written."
+        return "There is no writable folder for temporary files: set TMPDIR to one."
     return ""
 
 

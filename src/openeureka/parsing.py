@@ -151,7 +151,7 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
             example = f"reward={word}" if word.endswith(".py") and "reward" in hints else "env=cartpole"
             raise ConfigError(f"`{word}` is not of the form key=value, for example {example}.")
         if key in given:
-            raise ConfigError(f"`{key}` is set twice, to `{given[key]!s:.80}` and to `{value:.80}`; say it once.")
+            raise ConfigError(f"`{key}` is set twice, to `{given[key]!s:.80}` and to `{value:.80}`; set it once.")
         given[key] = value
     for key, value in elsewhere(given).items():
         _expect_known(key, hints)
@@ -169,7 +169,7 @@ def _expect_known(key: str, hints: Mapping[str, type]) -> None:
         return
     known = [*hints, *([_PYTHON] if "env" in hints else [])]
     if key == _PYTHON and _PYTHON in known:
-        raise ConfigError("`python=` says where the environment of `env=` is installed: name that too.")
+        raise ConfigError("`python=` names the Python in which the environment is installed; add env=.")
     raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), known)} Settings: {', '.join(known)}.")
 
 

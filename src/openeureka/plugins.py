@@ -52,15 +52,15 @@ class Door:
         """
         module, sign, name = (self.built_in.get(value) or self._added().get(value) or value).rpartition(":")
         if value.endswith(".py"):
-            raise ConfigError(f"Say which class or function of {value} is meant: {self.setting}={value}:Name.")
+            raise ConfigError(f"Name the class or function in {value}: {self.setting}={value}:Name.")
         if not sign:
             raise ConfigError(
-                f"There is no {self.setting} `{value}`.{nearest(value, self.names())} It is {', '.join(self.names())}, "
-                "or pkg.mod:Name or FILE.py:Name of your own."
+                f"There is no {self.setting} `{value}`.{nearest(value, self.names())} Use {', '.join(self.names())}, "
+                "or your own: pkg.mod:Name or FILE.py:Name."
             )
         file = Path(module).resolve() if module.endswith(".py") else None
         if file and not file.is_file():
-            raise ConfigError(f"There is no file {file}; {self.setting}=FILE.py:Name names what is in a file.")
+            raise ConfigError(f"There is no file {file}; {self.setting}=FILE.py:Name must name an existing file.")
         try:
             found = import_file(file) if file else importlib.import_module(module)
         except (Exception, SystemExit) as error:  # whatever a person's code raises
@@ -95,9 +95,9 @@ class Door:
             frame = traceback.extract_tb(error.__traceback__)[-1]
             said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
             place = f"{Path(frame.filename).name}, line {frame.lineno}"
-            raise ConfigError(f"`{self.setting}={value}` cannot be made: {said} ({place}).") from error
+            raise ConfigError(f"`{self.setting}={value}` failed when it was called: {said} ({place}).") from error
         if missing := [name for name in self.members if not hasattr(made, name)]:
-            raise ConfigError(f"What `{self.setting}={value}` makes is not complete: it has no {', '.join(missing)}.")
+            raise ConfigError(f"The object that `{self.setting}={value}` makes lacks {', '.join(missing)}.")
         return made
 
 

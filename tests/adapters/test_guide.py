@@ -112,4 +112,4 @@ def test_a_reward_that_was_found_is_exported(carts: None, capsys: pytest.Capture
     capsys.readouterr()
     with pytest.raises(SystemExit):
         main(["export", "outputs/one", "to=mjlab"])
-    assert "comes from gymnasium, so its rewards go to=gymnasium" in capsys.readouterr().err
+    assert "comes from gymnasium, so use to=gymnasium, not to=mjlab." in capsys.readouterr().err

@@ -254,7 +254,7 @@ def test_a_run_begun_here_goes_on_at_the_command_line(tmp_path, monkeypatch, cap
         ({"sample": True}, "`sample=True` does not fit"),
         ({"sample": 1.5}, "`sample=1.5` does not fit"),
         ({"video": "some"}, "`video` must be one of"),
-        ({"base_url": "http://x/v1", "model": "local"}, "is at no endpoint"),
+        ({"base_url": "http://x/v1", "model": "local"}, "does not use base_url="),
     ],
 )
 def test_settings_that_do_not_fit_are_refused_as_on_the_command_line(tmp_path, settings, sentence):
@@ -494,9 +494,9 @@ def test_a_run_from_elsewhere_is_read_and_reaches_nothing_unasked(tmp_path, monk
     Store.open(tmp_path / "run", config).close()
     run = openeureka.open_run(tmp_path / "run")
     assert run.rows() == [] and not run.finished and run.best_reward is None
-    with pytest.raises(StoreError, match="holds no policy yet"):
+    with pytest.raises(StoreError, match="has no policy yet"):
         _ = run.policy
-    with pytest.raises(ConfigError, match="is no installed task and was never typed here"):
+    with pytest.raises(ConfigError, match="is not an installed task and was never typed here"):
         run.play()
     with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9/v1; call resume\(trust=True\)"):
         run.resume()

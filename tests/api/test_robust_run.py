@@ -157,7 +157,9 @@ def test_they_begin_with_one_of_two_things(searched):
 
 def test_a_run_from_elsewhere_is_refused_with_the_argument_that_agrees(tmp_path):
     run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", base_url="http://127.0.0.1:9")
-    with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9; call robust\(..., trust=True\) if you know"):
+    with pytest.raises(
+        ConfigError, match=r"base_url=http://127.0.0.1:9. If you know .*, call robust\(..., trust=True\)\."
+    ):
         openeureka.robust(run)
     found = openeureka.robust(run, model=ScriptedModel([TABLE.format(0.9, 1.1)]), sample=1, trust=True).robust
     assert found is not None and found.ours == "r0"

@@ -155,7 +155,7 @@ _ONLY = ("resume",)
 _LINK = "is a link, or no regular file"
 _GONE = "is missing or damaged"
 _ROW = "holds a row that was changed"
-_TYPED = "would use what was never typed here"
+_TYPED = "would use settings that were never typed here"
 _TABLES = "has other tables than openeureka makes"
 
 

@@ -28,7 +28,7 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_p
     (tmp_path / "bad.py").write_text(BAD)
     assert check(["env=cartpole", f"{tmp_path}/bad.py"]) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].endswith("bad.py: refused (what it says is not allowed in a reward; it was not run)")
+    assert lines[0].endswith("bad.py: refused (it uses something that is not allowed in a reward; it was not run)")
     assert lines[1].startswith("line 2: `pole_angel` is not a state variable")
     assert "did you mean `pole_angle`?" in lines[1]
 

@@ -110,7 +110,7 @@ def test_a_run_that_goes_on_holds_to_what_its_files_said(
     toy.stops = False
     file.write_text(after)
     assert run("resume", "out") == 2
-    assert f"is not what it was when the run began: copy out/{name}.yaml over it, or" in capsys.readouterr().err
+    assert f"has changed since the run began. Copy out/{name}.yaml over it, or" in capsys.readouterr().err
     file.write_text(f"# a word to the reader\n{before}")
     assert run("resume", "out") == 0
     assert Path("out", f"{name}.yaml").read_text() == before
@@ -123,7 +123,7 @@ def test_a_copy_that_is_damaged_is_another_one(toy: StagedTrainer, capsys: pytes
     assert run("run", *SETTINGS, "randomise=file.yaml", "dir=out") == 130
     Path("out", "randomise.yaml").write_text(copy)
     assert run("resume", "out") == 2
-    assert "is not what it was when the run began" in capsys.readouterr().err
+    assert "has changed since the run began" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -148,5 +148,5 @@ def test_stages_of_which_a_policy_would_not_see_the_same_are_refused(tmp_path: P
     (tmp_path / "stages.yaml").write_text("- {env: 'other.py:Sighted'}\n- {}\n")
     config = RunConfig(env="anymal", curriculum=str(tmp_path / "stages.yaml"))
     trainers.trainer_of(config, tmp_path)
-    with pytest.raises(ConfigError, match="differ in what a sensor tells: leave observe=measurable out"):
+    with pytest.raises(ConfigError, match="differ in what is measurable. Leave observe=measurable out"):
         trainers.trainer_of(replace(config, observe="measurable"), tmp_path)

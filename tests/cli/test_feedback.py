@@ -126,7 +126,7 @@ def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(waiting: P
         feedback(waiting, ["too jerky"])
         assert "when you say `go`" in capsys.readouterr().out
         feedback(waiting, ["go"])
-        assert capsys.readouterr().out == "The run goes on.\n"
+        assert capsys.readouterr().out == "The run continues.\n"
         feedback(waiting, ["it", "leans", "back"])
     assert said(waiting) == (JERKY, GO, remark("it leans back"))
 
@@ -134,7 +134,7 @@ def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(waiting: P
 @pytest.mark.parametrize("words", [["too jerky"], ["too jerky", "go"]])
 def test_the_command_says_how_a_run_goes_on_that_nobody_works_on(waiting: Path, capsys, words: list[str]) -> None:
     feedback(waiting, words)
-    told = f"Kept. Nobody works on the run; it goes on with: eureka resume {waiting}\n"
+    told = f"Saved. The run is not running; continue it with: eureka resume {waiting}\n"
     assert capsys.readouterr().out == told and said(waiting)[0] == JERKY
 
 
@@ -165,7 +165,7 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(waiting: Path, 
     shown = capsys.readouterr().out
     assert "g0s0       1" in shown and "g0s1       2" in shown
     assert f"eureka feedback {waiting}" in shown
-    assert "Without `go` it goes on after 1 min 30 s." in shown
+    assert "Without `go` the run continues after 1 min 30 s." in shown
     monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
     desk.listen(0)
     desk.listen(0)
@@ -227,7 +227,7 @@ def test_where_standard_input_is_closed_other_shells_are_heard(directory: Path, 
 def test_without_films_nothing_is_to_be_watched(directory: Path, capsys) -> None:
     TerminalDesk(directory, replace(CONFIG, video="none"), []).invite(Generation(0, tuple(entries(0, [1.0, 2.0]))))
     shown = capsys.readouterr().out
-    assert "Generation 0 is trained; video=none films none of its policies:\ncandidate  F\ng0s0       1\n" in shown
+    assert "Generation 0 is trained. With video=none, no policies are filmed:\ncandidate  F\ng0s0       1\n" in shown
 
 
 def test_the_command_for_another_shell_can_be_typed_as_it_stands(directory: Path, tmp_path: Path, capsys) -> None:

@@ -63,7 +63,7 @@ def test_help_and_a_typing_error_import_nothing_slow(words):
             ("run", "env=dmc:cheetah-run", "pyhton=/x"),
             "Unknown setting `pyhton`. Did you mean `python`? Settings: env, ",
         ),
-        (("run", "python=/x"), "`python=` says where the environment of `env=` is installed: name that too."),
+        (("run", "python=/x"), "`python=` names the Python in which the environment is installed; add env=."),
         (("play", "env=cartpole", "policy=absent.safetensors"), "Cannot read the policy absent.safetensors"),
         (("play", "env=cartpole", "seconds=0"), "`seconds` must be above 0"),
         (("run", "--env", "cartpole"), "Settings are written without dashes: `env=cartpole`, not `--env`."),
@@ -74,27 +74,27 @@ def test_help_and_a_typing_error_import_nothing_slow(words):
             ("run", "model=m", "base_url=localhost:8000/v1"),
             "`base_url` must begin with http:// or https://: write base_url",
         ),
-        (("run", "base_url=http://localhost:8000/v1"), "model=local is at no endpoint: name the one at base_url="),
+        (("run", "base_url=http://localhost:8000/v1"), "model=local does not use base_url=. Leave base_url= out"),
         (("run", "model=random", "init=absent.py"), "Cannot read the reward file "),
-        (("check", "reward=mine.py"), "The file is named without reward=, for example: eureka check env=cartpole my_"),
+        (("check", "reward=mine.py"), "Name the file without reward=, for example: eureka check env=cartpole my_"),
         (("train", "mine.py"), "`mine.py` is not of the form key=value, for example reward=mine.py."),
         (("export", "absent", "to=foo"), "`to` must be one of gymnasium, mjlab, isaaclab, not `foo`."),
         (("run", "model=random", "device=tpu"), "There is no device `tpu`"),
         (("run", "model=random", "env=anymal", "curriculum=no"), "`anymal` has no curriculum"),
         (("run", "model="), "`model` is empty"),
         (("run", "model=local:hub:owner/file.gguf"), "`owner/file.gguf` does not name a file of a model hub; write"),
-        (("run", "model=random", "price=1,2"), "model=random costs nothing: leave price= out."),
-        (("run", "model=random", "feedback_timeout=60"), "`feedback_timeout` says how long to wait for a person: add"),
+        (("run", "model=random", "price=1,2"), "model=random costs nothing; leave price= out."),
+        (("run", "model=random", "feedback_timeout=60"), "`feedback_timeout` works only with feedback=human; add"),
         (
             ("run", "model=random", "iteration=1", "feedback=human"),
-            "feedback=human is heard between generations: there",
+            "feedback=human is read between generations, and here is only one; use",
         ),
         (
             ("run", "feedback=human", "judge=votes", "tune=8"),
-            "`tune` replaces by F what won by votes: leave it out, or",
+            "`tune` picks by F, against judge=votes; leave it out, or",
         ),
-        (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation: there is one;"),
-        (("run", "model=random", "address=auto"), "`address=` names a Ray cluster: add executor=ray"),
+        (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation, and here is"),
+        (("run", "model=random", "address=auto"), "`address=` names a Ray cluster; add executor=ray"),
         (("ui", "absent"), "There is no folder absent"),
     ],
 )
@@ -132,7 +132,7 @@ def test_a_place_that_cannot_be_used_is_one_sentence(monkeypatch, capsys, error)
 def test_a_machine_that_gives_nothing_more_is_one_sentence(monkeypatch, capsys, error):
     fail_with(OSError(error, os.strerror(error)), monkeypatch)
     assert run("context") == 5
-    assert f"no more processes, open files or memory ({os.strerror(error)}): raise `ulimit" in capsys.readouterr().err
+    assert f"out of processes, open files or memory ({os.strerror(error)}): raise `ulimit" in capsys.readouterr().err
 
 
 def test_a_directory_whose_name_no_disk_takes_is_one_sentence(capsys):
@@ -222,7 +222,7 @@ def test_a_working_directory_that_is_gone_is_one_sentence(monkeypatch, capsys, t
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
     assert run("stop", "x") == 2
-    assert capsys.readouterr().err == "The working directory is gone; cd to another.\n"
+    assert capsys.readouterr().err == "The working directory was deleted; cd to another.\n"
 
 
 def test_what_a_terminal_cannot_show_is_shown_in_another_way():

@@ -29,7 +29,7 @@ def test_a_task_is_drafted_and_the_next_commands_are_named(robot, capsys):
     assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole") == 0
     printed = capsys.readouterr().out
     assert "Wrote cart.py: 4 observations, 1 actions, to balance the pole." in printed
-    assert 'F is not written: the draft does not guess, as it does not know what "balance"' in printed
+    assert 'F is not written yet. The draft does not guess it, because it does not know what "balance"' in printed
     line = (robot / "cart.py").read_text().splitlines().index("    def sparse_reward(self, s: State) -> Tensor:") + 1
     assert f"`sparse_reward`, cart.py line {line}" in printed and "object=NAME goal=NAME" in printed
     assert printed.endswith("Then\n  eureka play env=cart.py policy=random\n")  # nothing trains yet
@@ -40,9 +40,9 @@ def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
     assert run("new", "cart.py", "model=cart.xml") == 0
     printed = capsys.readouterr().out
     assert "F is the share of time that pole is within " in printed
-    assert ": a guess from the model; intent= says what you want.\n" in printed
+    assert ": a guess from the model; to say what you want, give intent=.\n" in printed
     assert "  eureka run env=cart.py\n" in printed
-    assert "how far actuator0 may go: -1 to 1 is a guess, so set CONTROLS in cart.py." in printed
+    assert "no control range for actuator0: -1 to 1 is a guess, so set CONTROLS in cart.py." in printed
     assert "so the point is made up" in printed and "F ranks the rewards, whatever the intent says" in printed
     (robot / "goal.xml").write_text(CART.replace("</worldbody>", '<site name="goal" pos="1 0 0"/></worldbody>'))
     assert run("new", "goal.py", "model=goal.xml", "object=cart", "intent=to tidy up") == 0
@@ -61,7 +61,7 @@ def test_a_draft_without_an_intent_asks_for_one(robot, capsys):
     printed = capsys.readouterr().out
     assert "Wrote disk.py: 2 observations, 1 actions.\n" in printed
     assert "no hinge or slide that is driven takes disk elsewhere" in printed
-    assert "Say what you want in `description`, or with intent=: no search begins without." in printed
+    assert "A search also needs the aim in words: write it in `description`, or give intent=." in printed
     assert run("context", "env=disk.py") == 2
     assert "`description` of the task `disk` is empty" in capsys.readouterr().err
 
@@ -94,7 +94,7 @@ def test_a_robot_that_falls_without_actions_is_said_to(robot, capsys, floor):
     model = LEGGED.format("")
     (robot / "dog.xml").write_text(model if floor else model.replace('<geom type="plane" size="2 2 0.1"/>', ""))
     assert run("new", "dog.py", "model=dog.xml") == 0
-    falls = "But without actions it has fallen within 0.5 s, which ends the episode.\nLook at the pose" in (
+    falls = "But without actions it falls within 0.5 s, which ends the episode.\nCheck the starting pose" in (
         capsys.readouterr().out
     )
     assert falls is not floor
@@ -145,8 +145,8 @@ def test_a_draft_without_an_f_is_played_and_not_searched_for(robot, capsys):
 @pytest.mark.parametrize(
     ("before", "after", "advice"),
     [
-        ('gear="1"', 'gear="1e9"', "Without actions it holds: narrow CONTROLS"),
-        ("<worldbody>", '<option gravity="0 0 -1e9"/><worldbody>', "It does so without actions too"),
+        ('gear="1"', 'gear="1e9"', "Without actions it is stable: narrow CONTROLS"),
+        ("<worldbody>", '<option gravity="0 0 -1e9"/><worldbody>', "It also does so without actions"),
     ],
 )
 def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, before, after, advice):
@@ -160,7 +160,7 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
     ("words", "code", "problem"),
     [
         (["cart.txt", "model=cart.xml"], 2, "A task is a Python file, not cart.txt"),
-        (["cart.py"], 2, "Name the robot"),
+        (["cart.py"], 2, "Name a robot"),
         (["model=cart.xml"], 2, "Name exactly one path"),
         (["there.py", "model=cart.xml"], 2, "there.py exists already"),
         (["nowhere/cart.py", "model=cart.xml"], 2, "There is no folder nowhere"),
@@ -169,8 +169,8 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
         (["cart.py", "model=cart.xml", "object=cat"], 2, "Did you mean `cart`?"),
         (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is for a URDF"),
         (["cart.py", "env=gym:CartPole-v1", "goal=cart"], 2, "leave them out with env="),
-        (['c"art.py', "model=cart.xml"], 2, 'c"art.py has a mark that a draft cannot hold'),
-        (["cart.py", 'model=c"art.xml'], 2, "such as a quote or a backslash; rename it."),
+        (['c"art.py', "model=cart.xml"], 2, 'c"art.py has a character that is not allowed here'),
+        (["cart.py", 'model=c"art.xml'], 2, "such as a quote or backslash; rename it."),
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_sentence_and_nothing_is_written(robot, capsys, words, code, problem):

@@ -100,9 +100,9 @@ def test_what_is_no_run_is_called_so(asked, tmp_path):
 
 
 def test_a_name_that_fits_no_file_says_what_does(asked, tmp_path):
-    with pytest.raises(ConfigError, match=r"end in \.mp4, not \.gif"):
+    with pytest.raises(ConfigError, match=r"out=.*a\.gif must end in \.mp4"):
         play.play(["env=ant", "policy=zero", f"out={tmp_path}/a.gif"])
-    with pytest.raises(ConfigError, match="no policy file sparse; beside= is human, random, zero"):
+    with pytest.raises(ConfigError, match="no policy file sparse; beside= takes human, random, zero"):
         play.play(["env=ant", "policy=zero", "beside=sparse", f"out={tmp_path}/a.mp4"])
 
 

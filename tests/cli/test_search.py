@@ -258,15 +258,17 @@ def test_show_says_how_a_run_that_stopped_goes_on(parts, tmp_path, capsys):
     run("run", *SETTINGS, f"dir={tmp_path}/run")
     capsys.readouterr()
     assert run("show", f"{tmp_path}/run") == 0
-    way = f"Nobody works on this run. {tmp_path}/run/run.log says what it did last. To go on: eureka resume {tmp_path}"
+    way = (
+        f"This run is not running. {tmp_path}/run/run.log shows what it did last. To continue: eureka resume {tmp_path}"
+    )
     assert f"\n{way}/run\n" in capsys.readouterr().out
     with Store.open(tmp_path / "begun", RunConfig(iteration=3)):
         assert run("show", f"{tmp_path}/begun") == 0
-        assert "Nobody works" not in capsys.readouterr().out
+        assert "is not running" not in capsys.readouterr().out
     assert run("show", f"{tmp_path}/begun") == 0
     shown = capsys.readouterr().out
     assert shown.startswith("No generation is trained yet.\n") and "0 of 3 generations are done." in shown
-    assert f"\nNobody works on this run. To go on: eureka resume {tmp_path}/begun\n" in shown
+    assert f"\nThis run is not running. To continue: eureka resume {tmp_path}/begun\n" in shown
 
 
 def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
@@ -336,7 +338,7 @@ def test_a_finished_run_says_so_when_it_is_resumed_and_how_to_improve_what_it_fo
     capsys.readouterr()
     assert run("resume", f"{tmp_path}/run") == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"{tmp_path}/run is finished; this is what it found.")
+    assert first.startswith(f"{tmp_path}/run is finished; its result is below.")
     assert second == (
         f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py seed=2 model=scripted sample=2 iteration=2 "
         "'safety=gentle joints' seeds=1 steps=100000 max_cost=3.0 video=none"
@@ -481,7 +483,7 @@ def test_a_run_that_is_terminated_stops_as_by_ctrl_c(parts, tmp_path, capsys):
     finally:
         signal.signal(signal.SIGTERM, before)
     told = capsys.readouterr()
-    assert ended.value.code == 130 and "Stopping: what is trained is being kept" in told.out
+    assert ended.value.code == 130 and "Stopping: trainings are being saved" in told.out
     assert told.err == f"Stopped, nothing is lost. Continue with: eureka resume {tmp_path}/run\n"
 
 
@@ -495,12 +497,12 @@ def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monke
     monkeypatch.setattr(remote, "PATIENCE", 0.2)
     with FileLock(tmp_path / "run" / LOCK, thread_local=False) as held:
         assert run("stop", f"{tmp_path}/run") == 5
-        assert "was asked to stop and goes on" in capsys.readouterr().err
+        assert "was asked to stop but still runs" in capsys.readouterr().err
         monkeypatch.setattr(remote, "PATIENCE", 60.0)
         threading.Timer(0.5, held.release).start()
         assert run("stop", f"{tmp_path}/run") == 0
     # The search has ended: what somebody stops is what came after it, such as `eureka robust`.
-    assert capsys.readouterr().out == "Stopped, nothing is lost. Continue as you began it.\n"
+    assert capsys.readouterr().out == "Stopped, nothing is lost. Continue the way you started it.\n"
 
 
 def interrupt(*_: object, **__: object) -> None:
@@ -567,7 +569,7 @@ def test_ctrl_c_is_answered_at_once_and_the_second_one_does_not_wait(capsys):
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), stopping.announced():
         signal.raise_signal(signal.SIGINT)
-    assert capsys.readouterr().out.startswith("Stopping: what is trained is being kept")
+    assert capsys.readouterr().out.startswith("Stopping: trainings are being saved")
     with pytest.raises(KeyboardInterrupt), stopping.announced():
         try:
             signal.raise_signal(signal.SIGINT)

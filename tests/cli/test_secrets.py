@@ -80,5 +80,5 @@ def test_a_password_in_base_url_is_refused_before_anything_is_written(
 ):
     address = f"https://user:{PASSWORD}@host/v1"
     assert eureka("run", "model=m", f"base_url={address}", *SETTINGS, f"dir={tmp_path}/run") == 2
-    assert "must not hold a user, a password" in printed(capsys)
+    assert "must not hold a user name, a password" in printed(capsys)
     assert not (tmp_path / "run").exists()

@@ -55,7 +55,10 @@ def test_a_directory_with_an_equals_sign_is_gone_on_with(place):
     [
         ([], "Name exactly one path; for example: eureka show DIR"),
         (["cartpole", "b.py"], "Name exactly one path, not cartpole and b.py; for example: eureka show DIR"),
-        (["env", "=", "ant", "b.py"], "A setting has no blanks around its equals sign; for example: eureka show DIR"),
+        (
+            ["env", "=", "ant", "b.py"],
+            "Write a setting without spaces around its equals sign; for example: eureka show DIR",
+        ),
     ],
 )
 def test_a_command_for_one_file_shows_how_to_name_it(words, sentence):

@@ -39,4 +39,4 @@ def test_ctrl_c_is_heard_where_it_has_ended_who_reads_the_output():
 def test_ctrl_c_is_said_where_somebody_reads(capsys):
     with pytest.raises(KeyboardInterrupt):
         stopping.interrupt(signal.SIGINT, None)
-    assert capsys.readouterr().out.startswith("Stopping: what is trained is being kept")
+    assert capsys.readouterr().out.startswith("Stopping: trainings are being saved")

@@ -283,4 +283,4 @@ def test_a_training_is_shown_by_show_and_on_the_page(toy, tmp_path, capsys):
 def test_a_search_without_a_model_is_no_search(toy, capsys):
     with pytest.raises(SystemExit):
         main(["run", "model=none"])
-    assert "`eureka train` trains and compares given rewards" in capsys.readouterr().err
+    assert "use `eureka train` to train and compare given rewards" in capsys.readouterr().err

@@ -98,9 +98,9 @@ def test_an_address_from_elsewhere_is_refused_in_a_script_and_trusted_by_name(as
     run = foreign(tmp_path / "run", env="cartpole")
     with pytest.raises(ConfigError) as refused:
         train.resume([str(run)])
-    assert f"base_url={ADDRESS}" in str(refused.value) and f"add trust={run} if" in str(refused.value)
+    assert f"base_url={ADDRESS}" in str(refused.value) and f"it comes from, add trust={run}." in str(refused.value)
     for words in ([f"trust={tmp_path}"], [f"trust={tmp_path}", f"trust={run}"]):
-        with pytest.raises(ConfigError, match="is not the run that is resumed"):
+        with pytest.raises(ConfigError, match="does not name this run"):
             train.resume([str(run), *words])
     assert asked == []
     train.resume([str(run), f"trust={run}"])
@@ -170,7 +170,7 @@ def test_a_policy_from_elsewhere_imports_nothing_unasked(tmp_path, monkeypatch):
     for env in (f"{tmp_path}/evil.py:Task", "evil:Task", "cartpole+/../evil.py"):
         file.write_bytes(Policy(env, policy(4, 1, (8,)).tensors).to_bytes())
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(ConfigError, match="is no installed task and was never typed here"):
+        with pytest.raises(ConfigError, match="is not an installed task and was never typed here"):
             play([f"policy={file}"])
     assert not (tmp_path / "mark").exists()
 
@@ -208,7 +208,9 @@ def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path,
     run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", **{setting: named})
     show(run)
     report([str(run)])
-    with pytest.raises(ConfigError, match=f"was never typed here: {setting}={named}; add trust="):
+    with pytest.raises(
+        ConfigError, match=f"were never typed here: {setting}={named}. If you know where it comes from, add trust="
+    ):
         train.resume([str(run)])
     questions = at_a_terminal(monkeypatch, "n")
     with pytest.raises(ConfigError, match="Nothing was done"):

@@ -193,7 +193,7 @@ def test_the_best_reward_of_a_run_is_tuned(one_sandbox, tuned):
     candidate, _ = to_tune(TuneConfig(env="cartpole"), str(tuned.directory))
     assert candidate.source == (tuned.directory / "best" / "reward.py").read_text()
     with pytest.raises(
-        ConfigError, match="is a run of cartpole; add env=cartpole, or name its file: reward=.*reward.py"
+        ConfigError, match="is a run of cartpole; add env=cartpole, or name its reward file: reward=.*reward.py"
     ):
         to_tune(TuneConfig(env="ant"), str(tuned.directory))
 
@@ -219,7 +219,7 @@ def test_what_is_not_taken_of_a_run_is_said(toy, tmp_path, capsys):
         f"{run} trained with other settings. To tune its reward as it trained, add: steps=350000 bonus=progress\n"
         in said
     )
-    assert f"The limits of {run} do not hold here: effort=2\n" in said
+    assert f"The limits of {run} do not apply here: effort=2\n" in said
     assert left_out(TuneConfig(), "human") == left_out(TuneConfig(), MINE) == ""
     assert left_out(TuneConfig(), str(run_of(tmp_path / "usual"))) == ""
 
@@ -239,7 +239,7 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
     bad.write_text("import os\n" + MINE)
     with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
         to_tune(TuneConfig(), str(bad))
-    with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
+    with pytest.raises(ConfigError, match="sparse reward of a task is not a program"):
         to_tune(TuneConfig(), "sparse")
     with pytest.raises(
         TaskError, match=r"a method, not a program; name a file: reward=FILE.py, or a run: reward=DIR.$"

@@ -94,7 +94,7 @@ def test_a_text_that_no_run_could_give_back_is_refused_before_it_is_kept(text: s
 @pytest.mark.parametrize("last", ["ant", "cartpole"])
 def test_a_setting_is_said_once(last: str):
     words = ["env=cartpole", "sample=2", f"env={last}"]
-    says = f"`env` is set twice, to `cartpole` and to `{last}`; say it once."
+    says = f"`env` is set twice, to `cartpole` and to `{last}`; set it once."
     with pytest.raises(ConfigError, match=f"^{says}$"):
         parse(RunConfig, words)
     with pytest.raises(ConfigError, match=f"^{says}$"):

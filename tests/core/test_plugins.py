@@ -103,11 +103,11 @@ def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("value", "says"),
     [
-        ("nowhere.py:Search", "There is no file {folder}/nowhere.py; search=FILE.py:Name names what is in a file."),
-        ("bracket.py", "Say which class or function of bracket.py is meant: search=bracket.py:Name."),
+        ("nowhere.py:Search", "There is no file {folder}/nowhere.py; search=FILE.py:Name must name an existing file."),
+        ("bracket.py", "Name the class or function in bracket.py: search=bracket.py:Name."),
         ("bracket.py:Turnament", "There is no class or function `Turnament` in bracket.py. Did you mean `Tournament`?"),
         ("ends.py:Search", "`search=ends.py:Search` cannot be imported: SystemExit: 0."),
-        ("fails.py:make", "`search=fails.py:make` cannot be made: KeyError: 'key' (fails.py, line 2)."),
+        ("fails.py:make", "`search=fails.py:make` failed when it was called: KeyError: 'key' (fails.py, line 2)."),
         ("broken.py:Search", "`search=broken.py:Search` cannot be imported: ModuleNotFoundError: No module named"),
         (
             "cut.py:Search",
@@ -142,7 +142,7 @@ def test_only_a_name_that_is_listed_counts_as_installed():
     [
         (
             "greedy",
-            "There is no search `greedy`. It is best, eureka, tournament, or pkg.mod:Name or FILE.py:Name of your own.",
+            "There is no search `greedy`. Use best, eureka, tournament, or your own: pkg.mod:Name or FILE.py:Name.",
         ),
         ("eurkea", "Did you mean `eureka`?"),
         ("", "There is no search ``."),
@@ -155,7 +155,7 @@ def test_only_a_name_that_is_listed_counts_as_installed():
         ("bracket:Turnament", "There is no class or function `Turnament` in bracket. Did you mean `Tournament`?"),
         ("bracket:samples", "There is no class or function `samples` in bracket."),
         ("bracket:Bare", "`search=bracket:Bare` cannot be called with (RunConfig)"),
-        ("bracket:Half", "What `search=bracket:Half` makes is not complete: it has no peaks, ask."),
+        ("bracket:Half", "The object that `search=bracket:Half` makes lacks peaks, ask."),
     ],
 )
 def test_what_is_none_is_one_sentence(name, says):

@@ -83,12 +83,12 @@ def test_a_child_finds_what_its_parent_finds_after_the_standard_library(tmp_path
         (
             "subprocess.Popen",
             OSError(errno.EAGAIN, "not now"),
-            r"This machine gives no more .*\(not now\): raise",
+            r"This machine has run out of .*\(not now\): raise",
         ),
         (
             "tempfile.TemporaryFile",
             FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']"),
-            "There is no folder for temporary files: set TMPDIR to one that can be written.",
+            "There is no writable folder for temporary files: set TMPDIR to one.",
         ),
     ],
 )

@@ -409,7 +409,7 @@ def test_a_password_in_the_address_from_the_environment_is_not_shown(
 
 def test_a_password_in_base_url_is_refused_without_showing_it():
     for address in ("https://user:canary@host/v1", "https://host/v1?api_key=canary"):
-        with pytest.raises(ConfigError, match="must not hold a user, a password or a `\\?`") as caught:
+        with pytest.raises(ConfigError, match="must not hold a user name, a password or a `\\?`") as caught:
             RunConfig(base_url=address)
         assert "canary" not in str(caught.value)
     RunConfig(base_url="https://host/a@b/v1")  # no password

@@ -112,7 +112,7 @@ def unfinished(config: RunConfig) -> object:
         (f"{__name__}:json", "no class or function `json`"),
         (f"{__name__}:Path.cwd", "no class or function"),
         (f"{__name__}:test_a_limit_needs_a_price", "cannot be called with"),
-        (f"{__name__}:unfinished", "is not complete: it has no name, style, sample, close"),
+        (f"{__name__}:unfinished", "makes lacks name, style, sample, close"),
     ],
 )
 def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str, says: str):

@@ -131,12 +131,12 @@ def test_of_a_lane_s_policies_one_that_keeps_the_limits_stands_for_it() -> None:
 
 @pytest.mark.parametrize("limits", ["torque", "torque=", "torque=nan", "torque=-1", "torque=4O"])
 def test_what_is_no_limit_is_refused(limits: str) -> None:
-    with pytest.raises(ConfigError, match="is no limit; write a cost and its most"):
+    with pytest.raises(ConfigError, match="is not a limit; write a cost and its maximum"):
         RunConfig(limits=limits)
 
 
 def test_a_cost_that_is_limited_twice_is_refused() -> None:
-    with pytest.raises(ConfigError, match="limits `torque` twice"):
+    with pytest.raises(ConfigError, match="names `torque` twice"):
         RunConfig(limits="torque=40,falls=0,torque=50")
 
 

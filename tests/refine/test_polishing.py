@@ -281,7 +281,7 @@ def test_a_gain_without_errors_has_no_interval() -> None:
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(ConfigError, match="`polish_steps` says how long"):
+    with pytest.raises(ConfigError, match="`polish_steps` has no effect without `polish`"):
         RunConfig(polish_steps=1000)
     with pytest.raises(ConfigError, match="`polish` must be from 0"):
         RunConfig(polish=-1)

@@ -28,14 +28,14 @@ def export(words: Sequence[str]) -> None:
     began = read_config(directory)
     source, graph = _best(directory)
     if not config.env:
-        trust.expect_known(began.env, str(directory), "say env=...")
+        trust.expect_known(began.env, str(directory), "add env=...")
     task = registry.get(config.env or began.env)
     text = task.handed_back(graph, source)  # raises for openeureka's own tasks
     if config.to not in ("", task.suite):
-        raise ConfigError(f"`{task.env}` comes from {task.suite}, so its rewards go to={task.suite}, not {config.to}.")
+        raise ConfigError(f"`{task.env}` comes from {task.suite}, so use to={task.suite}, not to={config.to}.")
     name = f"best/reward_{task.suite}.py"
     artifacts.write(directory, name, text)
-    print(f"Wrote {directory / name}. Its first lines say how it is used.")
+    print(f"Wrote {directory / name}. Its first lines say how to use it.")
 
 
 def _best(directory: Path) -> tuple[str, RewardGraph]:
@@ -46,9 +46,7 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
         if not source:
             expect_files(store)
     if not source and artifacts.read(directory, "best/policy.safetensors") is not None:
-        raise ConfigError(f"The best reward of {directory} is the task's own; there is nothing to export.")
+        raise ConfigError(f"The best reward of {directory} came with the task, so there is nothing to export.")
     if verdict is None or verdict.graph is None:
-        raise ConfigError(
-            f"{directory} has found no reward yet; `{command_line('show', directory)}` says how far it is."
-        )
+        raise ConfigError(f"{directory} has no reward yet; `{command_line('show', directory)}` shows how far it is.")
     return source, verdict.graph

@@ -100,7 +100,7 @@ _MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # `dir` 
 
 @app.command(
     short_help="Continue a search where it stopped.",
-    epilog=f"\b\nBeside settings:\n{line('trust=', TRUST)}\n\nSettings that may differ from before: {_MAY_CHANGE}.",
+    epilog=f"\b\nBesides settings:\n{line('trust=', TRUST)}\n\nSettings that may differ from before: {_MAY_CHANGE}.",
 )
 def resume(words: Words = None) -> None:
     """Continue a search where it stopped, and never ask again for a stored reply.
@@ -123,9 +123,9 @@ def stop(directory: RunDirectory) -> None:
     stop(directory)
 
 
-@app.command(short_help="Say something to a run with feedback=human.")
+@app.command(short_help="Give feedback to a run with feedback=human.")
 def feedback(directory: RunDirectory, words: Remarks = None) -> None:
-    """Say something to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
+    """Give feedback to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
 
     Example: eureka feedback outputs/2026-01-31_12-00-00_ant "too jerky" favourite=g0s3 vote=g0s3:g0s1 go
     """
@@ -179,9 +179,9 @@ def train(words: Settings = None, as_json: Json = False) -> None:
     train(words, as_json=as_json)
 
 
-@app.command(short_help="Fit the numbers of one reward, its structure kept.", epilog=describe(TuneConfig))
+@app.command(short_help="Fit the numbers in one reward and keep its structure.", epilog=describe(TuneConfig))
 def tune(words: Settings = None, as_json: Json = False) -> None:
-    """Fit the numbers of one reward, its structure kept: which matter, and what F gains.
+    """Fit the numbers in one reward, keep its structure, and show which numbers matter and what F gains.
 
     Example: eureka tune env=ant reward=human trials=32
     """
@@ -207,7 +207,7 @@ def robust(words: Words = None) -> None:
 
 @app.command(short_help="Compare models or searches over tasks and seeds.", epilog=describe(BenchConfig))
 def bench(words: Words = None) -> None:
-    """Compare arms, such as models or searches, over tasks and seeds; the same command goes on where it stopped.
+    """Compare arms, such as models or searches, over tasks and seeds; to continue after a stop, give the same command.
 
     Example: eureka bench plan.yaml dir=outputs/ablations
     """
@@ -326,7 +326,7 @@ def _stand_somewhere() -> None:
     try:
         os.getcwd()
     except FileNotFoundError:
-        raise ConfigError("The working directory is gone; cd to another.") from None
+        raise ConfigError("The working directory was deleted; cd to another.") from None
 
 
 _OPTIONS = ("--help", "--version", "--web", "--json")

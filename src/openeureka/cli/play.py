@@ -21,8 +21,8 @@ from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")
 _MADE_BY = {
-    "polished": "which `polish=N` leaves where it finds a better one",
-    "robust": "which `eureka robust` leaves",
+    "polished": "`polish=N` leaves one if it finds a better policy",
+    "robust": "`eureka robust` leaves one",
 }
 """Policies of a run besides that in `best/`: what `policy=` calls each, and where it comes from."""
 HUMAN = "human"
@@ -38,14 +38,14 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     directory = only_path(paths, "eureka play DIR") if paths else None
     env, policy = _chosen(config, directory)
     if web and draws_itself(env):
-        raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
+        raise ConfigError(f"`{env}` draws its own pictures, so --web cannot show it in 3-D; leave --web out.")
     film = not web and bool(config.out or config.beside or draws_itself(env) or not viewer.has_display())
     if web and (config.out or config.beside):
-        raise ConfigError("out= and beside= are for a video; leave --web out, or them.")
+        raise ConfigError("out= and beside= are for a video; leave --web out, or leave them out.")
     if not web and config.port:
-        raise ConfigError("port= is that of a page; add --web, or leave it out.")
+        raise ConfigError("port= works only with --web; add --web, or leave port= out.")
     if not film and any(word.startswith("seconds=") for word in settings):
-        raise ConfigError("seconds= is the length of a video; add out=FILE.mp4, or leave it out.")
+        raise ConfigError("seconds= is the length of a video; add out=FILE.mp4, or leave seconds= out.")
     if web:
         from ..film.web import page  # loads a user interface
 
@@ -72,7 +72,7 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
     """Write a video, into the run's directory unless `out=` names another place."""
     target = Path(config.out or f"{short_name(env)}.mp4")
     if target.suffix != ".mp4":
-        raise ConfigError(f"A video is an MP4: let out= end in .mp4, not {target.suffix or 'in nothing'}.")
+        raise ConfigError(f"Videos are MP4 files: out={config.out:.80} must end in .mp4.")
     folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
@@ -90,19 +90,19 @@ def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
     with Store.view(directory) as store:  # refuses what is no run
         expect_files(store)
     if wanted:
-        raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
-    raise ConfigError(f"{directory} has no policy yet; `{command_line('show', directory)}` says how far it is.")
+        raise ConfigError(f"{directory} has no {wanted} policy: {_MADE_BY[wanted]}. Leave policy={wanted} out.")
+    raise ConfigError(f"{directory} has no policy yet; `{command_line('show', directory)}` shows how far it is.")
 
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
     """The other policy of a film."""
     if wanted and wanted not in (HUMAN, *AGENTS) and not Path(wanted).exists():
-        raise ConfigError(f"There is no policy file {wanted}; beside= is human, random, zero or such a file.")
+        raise ConfigError(f"There is no policy file {wanted}; beside= takes human, random, zero or a policy file.")
     if wanted != HUMAN:
         return wanted if wanted in AGENTS else _read(Path(wanted))[0] if wanted else None
     policy = filming.human(directory) if directory is not None and is_run(directory) else None
     if policy is None:
-        raise ConfigError("beside=human needs a run that trained the human reward; name a policy file instead.")
+        raise ConfigError("beside=human needs a run directory with a trained human reward; or name a policy file.")
     return policy
 
 
@@ -135,5 +135,5 @@ def _trusted(named: str, wanted: str, who: str = "The run") -> str:
     """The task that is wanted, else the one that a file names. As the file may come from anybody, its task must be
     installed, or have been typed on this machine before."""
     if not wanted:
-        trust.expect_known(named, who, "add that to the command")
+        trust.expect_known(named, who, "add that env= to the command")
     return wanted or named

@@ -30,10 +30,10 @@ def feedback(directory: Path, words: Sequence[str]) -> None:
         raise FeedbackError('Say something, for example: eureka feedback DIR "too jerky" favourite=g0s3 go')
     say(directory, *remarks)
     if not is_held(directory):
-        print(f"Kept. Nobody works on the run; it goes on with: {command_line('resume', directory)}")
+        print(f"Saved. The run is not running; continue it with: {command_line('resume', directory)}")
         return
     go = any(said.kind is RemarkKind.GO for said in remarks)
-    print("The run goes on." if go else "Kept for the next generation; the run goes on when you say `go`.")
+    print("The run continues." if go else "Saved for the next generation; the run continues when you say `go`.")
 
 
 def stop(directory: Path) -> None:
@@ -42,7 +42,7 @@ def stop(directory: Path) -> None:
     end = time.monotonic() + PATIENCE
     while is_held(directory):
         if time.monotonic() > end:
-            raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
+            raise StoreError(f"The run in {directory} was asked to stop but still runs; end its process.")
         time.sleep(0.1)
     print(stopped("" if _ended(directory) else command_line("resume", directory)))
 

@@ -14,7 +14,7 @@ from ..errors import ConfigError
 from ..parsing import is_setting, short_path
 
 PYTHON = "The Python that the environment is installed in, if it is not this one: `env=dmc:cheetah-run python=PATH`."
-TRUST = "The directory once more: it agrees to the addresses, files and models that a run from elsewhere names."
+TRUST = "The same directory again, to agree to the addresses, files and models that a run from elsewhere names."
 """Notes in `--help` on words that are no settings: a part of `env=`, and a word of `eureka resume` and `robust`."""
 EXPORTED = ("gymnasium", "mjlab", "isaaclab")
 """Suites that a reward may be written for."""
@@ -58,11 +58,11 @@ class PlayConfig:
     env: str = ""
     """Empty means the task of the run directory."""
     policy: str = ""
-    """`polished`, `robust`, `random`, `zero` or a policy.safetensors file; empty means that of the best reward."""
+    """`polished`, `robust`, `random`, `zero` or a policy.safetensors file; empty means the best reward's."""
     beside: str = ""
-    """`human` (the policy of the run's human reward), `random`, `zero` or a policy.safetensors file: a film of both."""
+    """Film a second policy too: `human` (of the run's human reward), `random`, `zero` or a policy.safetensors file."""
     out: str = ""
-    """Video to write, also where there is a display; empty means `<env>.mp4`, or `play.mp4` in the run directory."""
+    """Video to write, even if there is a display; empty means `<env>.mp4`, or `play.mp4` in the run directory."""
     seconds: float = 10.0
     """Length of the video in simulated time."""
     seed: int = 0
@@ -112,11 +112,11 @@ class NewConfig:
     intent: str = ""
     """What it should do, one sentence for the language model, such as `to hop forward as fast as possible`."""
     object: str = ""
-    """Body, site or geom that F wants at the goal; empty means what the intent or the model suggests."""
+    """Body, site or geom that should reach the goal; empty means what the intent or the model suggests."""
     goal: str = ""
-    """Body, site or geom where F wants it; empty means what the intent or the model suggests."""
+    """Body, site or geom that it should reach; empty means what the intent or the model suggests."""
     floating: bool = False
-    """A URDF's root moves freely above a floor, as a walking robot's does; else it is fixed, as an arm's is."""
+    """Let a URDF's root move freely above a floor, as for a walking robot; otherwise it is fixed, as for an arm."""
     env: str = ""
     """Instead of a robot, an environment such as `gym:Hopper-v5`: the file then says what rewards may read."""
 
@@ -126,7 +126,7 @@ class DoctorConfig:
     """What to look at."""
 
     address: str = ""
-    """Of a Ray cluster whose nodes to look at, instead of this machine: `auto`, `HOST:PORT` or `local`."""
+    """Check the nodes of this Ray cluster instead of this machine: `auto`, `HOST:PORT` or `local`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ def split(words: Sequence[str]) -> tuple[list[str], list[Path]]:
 def only_path(paths: Sequence[Path], usage: str) -> Path:
     """The single path of a command line. Raises ConfigError for none or several."""
     if any(str(path).startswith("=") for path in paths):
-        raise ConfigError(f"A setting has no blanks around its equals sign; for example: {usage}")
+        raise ConfigError(f"Write a setting without spaces around its equals sign; for example: {usage}")
     if len(paths) != 1:
         given = f", not {' and '.join(map(str, paths))}" if paths else ""
         raise ConfigError(f"Name exactly one path{given}; for example: {usage}")
@@ -156,7 +156,7 @@ def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]
     """The settings without `trust=DIR`, and whether it is among them. Raises ConfigError where it names another run."""
     named = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     if other := [name for name in named if Path(name).resolve() != directory.resolve()]:
-        raise ConfigError(f"trust={other[0]} is not the run that is resumed; write trust={short_path(directory)}.")
+        raise ConfigError(f"trust={other[0]} does not name this run; write trust={short_path(directory)}.")
     return [word for word in settings if not word.startswith("trust=")], bool(named)
 
 

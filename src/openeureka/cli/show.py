@@ -61,8 +61,8 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     print("".join([*said, _said("Since the last prompt", run.unheard)]))
     tell(summary(run))
     if len(run.history.generations) < run.config.generations and not is_held(directory):
-        log = f"{directory / LOG} says what it did last. " if artifacts.exists(directory, LOG) else ""
-        print(plain(f"Nobody works on this run. {log}To go on: {command_line('resume', directory)}"))
+        log = f"{directory / LOG} shows what it did last. " if artifacts.exists(directory, LOG) else ""
+        print(plain(f"This run is not running. {log}To continue: {command_line('resume', directory)}"))
     if (best := run.best_text) is not None and run.best is not None:
         fitted = " with fitted numbers" if run.fitted is not None else ""
         print(f"\nBest reward, {run.best.place}{fitted}:\n\n{plain(best.source)}")
@@ -325,7 +325,7 @@ def report(words: Sequence[str]) -> None:
     config = parse(ReportConfig, settings)
     stored = read_config(directory)
     env = config.env or (stored.env if "env" not in trust.unknown(stored) else "")
-    with working("Writing the report and the videos that are missing"):
+    with working("Writing the report and the missing videos"):
         problems = build(directory, config.video, env)
     print(f"Wrote {directory / 'report.html'}")
     for problem in problems:

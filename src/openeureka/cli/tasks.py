@@ -63,9 +63,9 @@ def envs(*, as_json: bool = False) -> None:
             print(f"\n{suite}")
         print(line)
         print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
-    print("\nobs, act: sizes of observation and action. episode: its most steps.")
+    print("\nobs, act: sizes of observation and action. episode: its maximum length in steps.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
-    print("Policies at the peak of F or of the own reward count, whichever play better.")
+    print("Policies are taken at the peak of F or of their own reward, whichever play better.")
     print("Any Gymnasium environment is a task too: env=gym:CartPole-v1")
     print("More about one task: eureka context env=NAME")
 
@@ -118,7 +118,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     settings, paths = split(words)
     usage = "eureka check env=cartpole my_reward.py"
     if any(word.startswith("reward=") for word in settings):
-        raise ConfigError(f"The file is named without reward=, for example: {usage}")
+        raise ConfigError(f"Name the file without reward=, for example: {usage}")
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
@@ -153,16 +153,18 @@ def new(words: Sequence[str]) -> None:
     model = Path(os.path.expanduser(config.model))
     for name in map(str, (path, model, model.resolve()) if config.model else (path,)):
         if not name.isprintable() or set(name) & {'"', "\\"}:
-            raise ConfigError(f"{name} has a mark that a draft cannot hold, such as a quote or a backslash; rename it.")
+            raise ConfigError(
+                f"{name} has a character that is not allowed here, such as a quote or backslash; rename it."
+            )
     if config.env and config.model:
         raise ConfigError("Name a robot with model=, or an environment with env=; not both.")
     if config.env:
         if config.object or config.goal or config.floating:
-            raise ConfigError("object=, goal= and floating= are for a robot of model=; leave them out with env=.")
+            raise ConfigError("object=, goal= and floating= work only with model=; leave them out with env=.")
         _adapt(path, config.env, config.intent)
         return
     if not config.model:
-        raise ConfigError(f"Name the robot, a MuJoCo XML file, or env=gym:ID; for example: {USAGE}")
+        raise ConfigError(f"Name a robot with model=FILE, or an environment with env=gym:ID; for example: {USAGE}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MuJoCo's, on how the model's file is written
         drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
@@ -178,7 +180,7 @@ def new(words: Sequence[str]) -> None:
         _say_what_breaks(moved.bad, at_rest=rest.bad > 0)
     elif rest.ended:
         _say_what_falls(path, STEPS * task.control_dt)
-    print("Read it, and say what you want of the robot. Then")
+    print("Read it, and write what the robot should do. Then")
     for command in ("play", "train", "run")[: 1 if drafted.aim.missing else None]:
         print(f"  {command_line(command, f'env={path}')}{' policy=random' if command == 'play' else ''}")
 
@@ -189,8 +191,8 @@ def _adapt(path: Path, env: str, intent: str) -> None:
     with _written(path, base.drafted(class_name(path), path.stem, " ".join(intent.split()))):
         task = registry.get(str(path))
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
-    print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
-    print("Rename, reword, hide or add what rewards may read. Then")
+    print(f"F is the {task.score_unit}; to change it, add +fitness=EXPRESSION to the name of the environment.")
+    print("Rename, reword, hide or add the variables that rewards may read. Then")
     for command in ("context", "train", "run"):
         print(f"  {command_line(command, f'env={path}')}")
 
@@ -227,33 +229,33 @@ def _try(path: Path, size: float) -> _Tried:
 def _say_what_is_guessed(path: Path, actuators: Sequence[str]) -> None:
     first = ", ".join(actuators[:MOST_NAMED])
     more = f" and {len(actuators) - MOST_NAMED} more" if len(actuators) > MOST_NAMED else ""
-    print(f"The model does not say how far {first}{more} may go: -1 to 1 is a guess, so set CONTROLS in {path}.")
+    print(f"The model gives no control range for {first}{more}: -1 to 1 is a guess, so set CONTROLS in {path}.")
 
 
 def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
     print(f"But under random actions its physics broke down {bad} times in {TRIED} x {STEPS} steps.")
     if at_rest:
-        print("It does so without actions too: look at the pose that it starts in, and try more substeps.")
+        print("It also does so without actions: check the starting pose, and try more substeps.")
     else:
-        print("Without actions it holds: narrow CONTROLS, or give its joints damping and armature in `model()`.")
+        print("Without actions it is stable: narrow CONTROLS, or give its joints damping and armature in `model()`.")
 
 
 def _say_what_falls(path: Path, seconds: float) -> None:
-    print(f"But without actions it has fallen within {seconds:.2g} s, which ends the episode.")
-    print(f"Look at the pose that it starts in, or lower FALLEN in {path}.")
+    print(f"But without actions it falls within {seconds:.2g} s, which ends the episode.")
+    print(f"Check the starting pose, or lower FALLEN in {path}.")
 
 
 def _say_what_counts(path: Path, drafted: Draft, *, described: bool) -> None:
     """What F measures and where that comes from, or what is missing: the ranking follows F, not the intent."""
     aim, place = drafted.aim, f"`sparse_reward`, {path} line {drafted.line}"
     if aim.missing:
-        print(f"F is not written: the draft does not guess, as {aim.missing}.")
-        print(f"Write what counts in {place}, or name it with object=NAME goal=NAME.")
+        print(f"F is not written yet. The draft does not guess it, because {aim.missing}.")
+        print(f"Write F in {place}, or name what should go where with object=NAME goal=NAME.")
         if not described:
-            print("Say what you want in `description`, or with intent=: no search begins without.")
-        print("Until then `eureka play` works, and nothing trains.")
+            print("A search also needs the aim in words: write it in `description`, or give intent=.")
+        print("Until then `eureka play` works, but nothing can train.")
         return
-    source = "what you said" if drafted.said else "the model; intent= says what you want"
+    source = "what you said" if drafted.said else "the model; to say what you want, give intent="
     print(f"F is {aim.measure}: a guess from {source}.")
     if aim.doubt:
         print(aim.doubt)

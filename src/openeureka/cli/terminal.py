@@ -24,7 +24,7 @@ from ..store.remarks import typed
 from ..text import one_line, plain
 from ..types import Generation, RemarkKind, Usage, lane_id
 
-CONTROL = "model=random draws by chance and reads neither results nor words. It is the control for a real model."
+CONTROL = "model=random draws rewards at random and reads no results or feedback. It is the control for a real model."
 
 
 class Terminal:
@@ -75,7 +75,7 @@ class TerminalDesk:
     def _invitation(self, generation: Generation) -> Iterator[str]:
         table = [("candidate", "F", "video"), *self._videos(generation)]
         if self._config.video == "none":
-            yield f"\nGeneration {generation.index} is trained; video=none films none of its policies:"
+            yield f"\nGeneration {generation.index} is trained. With video=none, no policies are filmed:"
             yield columns([row[:2] for row in table])
         else:
             yield f"\nGeneration {generation.index} is trained. Watch its policies:"
@@ -83,9 +83,9 @@ class TerminalDesk:
         yield "Say what you see, in words for the model or by favourite=, veto= and vote=A:B, from any shell:"
         yield f'  {command_line("feedback", self._directory)} "too jerky" favourite=g{generation.index}s0 go'
         if self._listening:
-            yield "or here, a line at a time; an empty line goes on."
+            yield "or here, one line at a time; an empty line continues the run."
         if self._config.feedback_timeout:
-            yield f"Without `go` it goes on after {duration(self._config.feedback_timeout)}."
+            yield f"Without `go` the run continues after {duration(self._config.feedback_timeout)}."
 
     def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
         for entry in generation.entries:

@@ -58,7 +58,9 @@ def resume(words: Sequence[str]) -> None:
         best = directory / "best" / "reward.py"
         if Run(directory).finished and best.is_file():
             shown = short_path(directory)
-            print(f"{shown} is finished; this is what it found. To improve that, begin the next search with it:")
+            print(
+                f"{shown} is finished; its result is below. To improve on it, start a new search from its best reward:"
+            )
             print(plain(f"  {_next_search(config, best)}"))
         _tell(directory, compose.search(config, directory, Terminal()))
 

@@ -73,21 +73,24 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         ConfigError: where they do not fit each other.
     """
     if config.model == NO_MODEL:
-        raise ConfigError("model=none searches for nothing; `eureka train` trains and compares given rewards.")
+        raise ConfigError("model=none runs no search; use `eureka train` to train and compare given rewards.")
     nowhere = config.model.partition(":")[0] in KINDS
     if nowhere and config.base_url:
-        raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
+        raise ConfigError(
+            f"model={config.model} does not use base_url=. Leave base_url= out, or name the endpoint's model with "
+            "model=NAME."
+        )
     if nowhere and config.price:
-        raise ConfigError(f"model={config.model} costs nothing: leave price= out.")
+        raise ConfigError(f"model={config.model} costs nothing; leave price= out.")
     if config.feedback_timeout and config.feedback == "none":
-        raise ConfigError("`feedback_timeout` says how long to wait for a person: add feedback=human, or leave it out.")
+        raise ConfigError("`feedback_timeout` works only with feedback=human; add that, or leave it out.")
     once = config.iteration == 1 and not config.init
     if once and config.feedback == "human" and config.judge == "fitness":
-        raise ConfigError("feedback=human is heard between generations: there is one; use iteration=2 or more.")
+        raise ConfigError("feedback=human is read between generations, and here is only one; use iteration=2 or more.")
     if once and config.screen > 1:
-        raise ConfigError("`screen` judges by an earlier generation: there is one; use iteration=2 or more.")
+        raise ConfigError("`screen` judges by an earlier generation, and here is only one; use iteration=2 or more.")
     if config.judge == "votes" and config.tune:
-        raise ConfigError("`tune` replaces by F what won by votes: leave it out, or tune the run's reward afterwards.")
+        raise ConfigError("`tune` picks by F, against judge=votes; leave it out, or use `eureka tune` afterwards.")
     expect(config)
     if config.feedback == "human" and "video" not in typed:
         config = replace(config, video="all")  # a person judges by what they see
@@ -283,9 +286,9 @@ def robust(
     """
     task = get(config.env)
     if task.draws_itself:
-        raise ConfigError(f"MuJoCo has no part in `{task.env}`, so nothing of it can be changed.")
+        raise ConfigError(f"openeureka does not simulate `{task.env}` itself, so its physics cannot be varied.")
     if config.model == NO_MODEL:
-        raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
+        raise ConfigError("The run has no model. Name one, such as model=gpt-5, or use model=random for random ranges.")
     with Store.view(directory) as store:
         training = planned(store, wanted.start, wanted.steps)
     expect_storable(config, config.env, training.steps, "steps=")

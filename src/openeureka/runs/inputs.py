@@ -33,8 +33,8 @@ def keep(config: RunConfig, directory: Path) -> None:
             artifacts.write(directory, copy, text)
         elif before != text and _said(before) != _said(text):
             raise ConfigError(
-                f"{short_path(Path(path))} is not what it was when the run began: "
-                f"copy {short_path(directory / copy)} over it, or begin another run."
+                f"{short_path(Path(path))} has changed since the run began. "
+                f"Copy {short_path(directory / copy)} over it, or start a new run."
             )
 
 

@@ -58,7 +58,7 @@ def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
         RewardFileError: for a reward that cannot be read or was refused.
     """
     if not words:
-        raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
+        raise ConfigError("`reward` names nothing to train; write for example reward=human,sparse.")
     names = [_name(word, number) for number, word in enumerate(words, start=1)]
     names = [_in_folder(word, name) if names.count(name) > 1 else name for name, word in zip(names, words, strict=True)]
     for name in names:
@@ -94,7 +94,7 @@ def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
     if not verdict.accepted:
         raise RewardFileError(f"{name} was refused: {'; '.join(explain(verdict))}")
     if not weights(candidate.source):
-        raise ConfigError(f"There is nothing to tune: {name} holds no number that weighs or scales.")
+        raise ConfigError(f"There is nothing to tune: {name} has no number that is a weight or a scale.")
     return candidate, verdict
 
 
@@ -110,7 +110,7 @@ def left_out(config: TuneConfig, word: str | Path) -> str:
     }
     settings = " ".join(shlex.quote(f"{key}={value}") for key, value in own.items())
     said = [f"{word} trained with other settings. To tune its reward as it trained, add: {settings}"] if own else []
-    said += [f"The limits of {word} do not hold here: {run.limits}"] if run.limits else []
+    said += [f"The limits of {word} do not apply here: {run.limits}"] if run.limits else []
     return "\n".join(said)
 
 
@@ -120,7 +120,7 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
         return Candidate.of(human.program(get(config.env), way))
     if word == "sparse":
         raise ConfigError(
-            "The sparse reward of a task is no program; tune `human`, a file, or the best reward of a run."
+            "The sparse reward of a task is not a program; tune `human`, a file, or the best reward of a run."
         )
     directory = _file(word) if not is_text(word) else None
     if directory is None or not directory.is_dir():
@@ -128,14 +128,14 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
     env = read_config(directory).env
     if _kind(env) != _kind(config.env):
         raise ConfigError(
-            f"{short_path(directory)} is a run of {short_name(env)}; add env={env}, or name its file: "
+            f"{short_path(directory)} is a run of {short_name(env)}; add env={env}, or name its reward file: "
             f"reward={short_path(directory / 'best' / 'reward.py')}."
         )
     program = artifacts.read(directory, "best/reward.py")
     if program is None:
         raise RewardFileError(
-            f"There is no program in {short_path(directory)}/best: its best reward came with the task, or nothing is "
-            "trained yet. Name a file, or reward=human."
+            f"There is no program in {short_path(directory)}/best: its best reward came with the task, or nothing has "
+            "trained yet. Name a file, or use reward=human."
         )
     return extract.in_text(program.decode(errors="replace"))
 
@@ -178,11 +178,11 @@ def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe:
 _MEANINGS = {
     VerdictCode.ACCEPTED: "it can train",
     VerdictCode.NO_PROGRAM: "there is no reward function in it",
-    VerdictCode.REFUSED: "what it says is not allowed in a reward; it was not run",
-    VerdictCode.CONTRACT: "it was run on states of the task, and what it did is not what a reward must do",
+    VerdictCode.REFUSED: "it uses something that is not allowed in a reward; it was not run",
+    VerdictCode.CONTRACT: "it was run on states of the task, and did not do what a reward must do",
     VerdictCode.TIMEOUT: "it was run on states of the task, and took too long",
-    VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
-    VerdictCode.SCREENED: "it can train, and others were preferred",
+    VerdictCode.CRASHED: "it was run on states of the task, and crashed its process",
+    VerdictCode.SCREENED: "it can train, but others were preferred",
 }
 
 

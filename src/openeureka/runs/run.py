@@ -212,14 +212,13 @@ class Run:
         data = artifacts.read(self.directory, f"{folder}/policy.safetensors")
         if data is None and folder == "polished":
             raise StoreError(
-                f"{short_path(self.directory)} holds no policy that was carried on to more; "
-                "use that of its best reward."
+                f"{short_path(self.directory)} has no polished policy; use `policy`, that of its best reward."
             )
         if data is None:
             with Store.view(self.directory) as store:
                 expect_files(store)
             raise StoreError(
-                f"{short_path(self.directory)} holds no policy yet; it has one as soon as a training is done."
+                f"{short_path(self.directory)} has no policy yet; it has one as soon as a training is done."
             )
         return data
 

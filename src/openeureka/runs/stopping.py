@@ -15,7 +15,7 @@ from ..errors import Interrupted, StoreError
 from ..store import Store
 from ..store.directory import is_asked_to_stop, withdraw
 
-_STOPPING = "Stopping: what is trained is being kept, for up to ten seconds or an epoch. Ctrl-C again does not wait."
+_STOPPING = "Stopping: trainings are being saved, for up to ten seconds or an epoch. Press Ctrl-C again to skip this."
 POLL = 0.5
 """[s] between two looks at whether the run is to stop."""
 
@@ -46,7 +46,7 @@ def stopped(again: str = "") -> str:
     Args:
         again: the command that continues it; empty where only the command that began it does.
     """
-    return f"Stopped, nothing is lost. Continue {f'with: {again}' if again else 'as you began it.'}"
+    return f"Stopped, nothing is lost. Continue {f'with: {again}' if again else 'the way you started it.'}"
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:

@@ -22,13 +22,15 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     """A trainer of the task, or of the stages of a curriculum, which it stores in the directory. Raises ConfigError for
     an executor, a device, a curriculum or ranges that do not exist or do not fit."""
     if config.address and config.executor == "local":
-        raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
+        raise ConfigError(
+            "`address=` names a Ray cluster; add executor=ray, or write `address=` with nothing after it."
+        )
     expect_storable(config, config.env, config.steps, "steps=")
     if config.polish_steps:
         expect_storable(config, config.env, config.polish_steps, "polish_steps=")
     ranges.find(config.env, config.randomise)  # refuses what does not fit
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
-        raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
+        raise ConfigError(f"Everything that `{task.env}` observes counts as measurable; leave observe=measurable out.")
     stages = _stages(config) if config.curriculum else ()
     options: dict[str, object] = {"device": config.device, "threads": config.threads}
     options |= {"snapshots": directory / "snapshots"}
@@ -42,8 +44,8 @@ def _stages(config: RunConfig) -> tuple[Stage, ...]:
     stages = curriculum.find(config.env, config.curriculum)
     if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
         raise ConfigError(
-            f"The stages of `{config.curriculum}` differ in what a sensor tells: leave observe=measurable out, or give "
-            "all of their tasks the same `unmeasured`."
+            f"The stages of `{config.curriculum}` differ in what is measurable. Leave observe=measurable out, or give "
+            "all their tasks the same `unmeasured`."
         )
     for stage, steps in zip(stages, shares(stages, config.steps), strict=True):
         expect_storable(config, stage.env, steps, "steps= or `steps:` of its stage")
@@ -57,6 +59,6 @@ def expect_storable(config: RunConfig, env: str, steps: int, said: str) -> None:
     epochs = steps // (worlds * recipe.horizon)
     if epochs > MOST_EPOCHS:
         raise ConfigError(
-            f"{steps:,} steps in {worlds} worlds are {epochs:,} epochs, and a training has at most {MOST_EPOCHS:,}; "
-            f"take more worlds= or fewer {said}."
+            f"{steps:,} steps in {worlds} worlds are {epochs:,} epochs, but a training has at most {MOST_EPOCHS:,}; "
+            f"use more worlds= or fewer {said}."
         )

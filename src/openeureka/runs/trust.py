@@ -31,7 +31,7 @@ _REACHES: Mapping[str, tuple[str, Callable[[str], bool]]] = {
     "search": (_RUN, SEARCHES.installed),
     "executor": (_RUN, EXECUTORS.installed),
     "address": (
-        "is sent what is trained, and what answers there can run code with your rights",
+        "is sent the trainings, and whoever answers there can run code with your rights",
         lambda said: said in ("auto", "local"),
     ),
     "curriculum": (
@@ -45,8 +45,8 @@ _REACHES: Mapping[str, tuple[str, Callable[[str], bool]]] = {
         lambda said: said in ("local", "random", NO_MODEL),
     ),
     "base_url": ("is sent the prompts and your key", lambda said: not said),
-    "price": ("is what replies are taken to cost", lambda said: not said),
-    "log": ("is sent what the run finishes", lambda said: said == "tensorboard"),
+    "price": ("sets what replies are counted to cost", lambda said: not said),
+    "log": ("is sent the results of the run", lambda said: said == "tensorboard"),
 }
 """Settings that reach outside a run: what happens to the thing that each names, and a test for harmless values."""
 
@@ -83,8 +83,8 @@ def expect_known(env: str, who: str, way: str) -> None:
     message says `who` names it, and the `way` to agree."""
     if unknown(RunConfig(env=env)):
         raise ConfigError(
-            f"{who} names env={env}, which is no installed task and was never typed here; {way} if you know where it "
-            "comes from: it is run with your rights."
+            f"{who} names env={env}, which is not an installed task and was never typed here. It runs with your "
+            f"rights; if you know where it comes from, {way}."
         )
 
 
@@ -113,8 +113,8 @@ def agree(
         if not (asks and all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))):
             listed = ", ".join(f"{key}={plain(value)}" for key, value in asked.items())
             raise ConfigError(
-                f"{short_path(directory)} would use what was never typed here: {listed}; {way} if you know where it "
-                "comes from."
+                f"{short_path(directory)} would use settings that were never typed here: {listed}. If you know where "
+                f"it comes from, {way}."
             )
         _ask(asked, directory)
     remember(config)
@@ -130,7 +130,7 @@ def _ask(asked: Mapping[str, str], directory: Path) -> None:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
         command = command_line("show", directory)
-        raise ConfigError(f"Nothing was done; `{command}` reads the run without using any of it.")
+        raise ConfigError(f"Nothing was done; `{command}` reads the run without using any of these.")
 
 
 def _line(key: str, value: str) -> str:
