@@ -134,7 +134,7 @@ def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(waiting: P
 @pytest.mark.parametrize("words", [["too jerky"], ["too jerky", "go"]])
 def test_the_command_says_how_a_run_goes_on_that_nobody_works_on(waiting: Path, capsys, words: list[str]) -> None:
     feedback(waiting, words)
-    told = f"Saved. The run is not running; continue it with: eureka resume {waiting}\n"
+    told = f"Saved. The run has stopped; continue it with: eureka resume {waiting}\n"
     assert capsys.readouterr().out == told and said(waiting)[0] == JERKY
 
 

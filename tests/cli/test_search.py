@@ -258,17 +258,15 @@ def test_show_says_how_a_run_that_stopped_goes_on(parts, tmp_path, capsys):
     run("run", *SETTINGS, f"dir={tmp_path}/run")
     capsys.readouterr()
     assert run("show", f"{tmp_path}/run") == 0
-    way = (
-        f"This run is not running. {tmp_path}/run/run.log shows what it did last. To continue: eureka resume {tmp_path}"
-    )
+    way = f"This run has stopped. {tmp_path}/run/run.log shows what it did last. To continue: eureka resume {tmp_path}"
     assert f"\n{way}/run\n" in capsys.readouterr().out
     with Store.open(tmp_path / "begun", RunConfig(iteration=3)):
         assert run("show", f"{tmp_path}/begun") == 0
-        assert "is not running" not in capsys.readouterr().out
+        assert "has stopped" not in capsys.readouterr().out
     assert run("show", f"{tmp_path}/begun") == 0
     shown = capsys.readouterr().out
     assert shown.startswith("No generation is trained yet.\n") and "0 of 3 generations are done." in shown
-    assert f"\nThis run is not running. To continue: eureka resume {tmp_path}/begun\n" in shown
+    assert f"\nThis run has stopped. To continue: eureka resume {tmp_path}/begun\n" in shown
 
 
 def test_a_run_is_json_for_programs(parts, tmp_path, capsys):

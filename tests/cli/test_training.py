@@ -61,7 +61,7 @@ LEVEL = replace(KNOWN, human=KNOWN.sparse)
             "human",
             LEVEL,
             "-",
-            "No score: the human and the sparse reward both reach F 7 held out, which makes no scale. "
+            "No score: the human and the sparse reward both reach F 7 held out, so there is no scale. "
             "The human and the sparse reward were measured beforehand: 1,000 steps",
         ),
     ],

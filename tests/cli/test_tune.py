@@ -98,7 +98,7 @@ def tuned(once: Tuned, tmp_path: Path) -> Tuned:
 def test_what_it_leaves_open_the_last_line_decides(toy, mine, tmp_path, capsys):
     tune([word for word in words(mine, tmp_path, "seeds=1") if word != "seeds=2"])
     said = capsys.readouterr().out
-    assert "One seed says nothing of the next" in said
+    assert "One seed says nothing about the next" in said
     command = shlex.split(said.splitlines()[-1].removeprefix("To decide what is open: "))
     assert command[:2] == ["eureka", "train"] and command[-2:] == ["seed=2", "seeds=3"]
     train([*command[2:], f"dir={tmp_path}/decided"])
@@ -117,7 +117,7 @@ def test_it_prints_numbers_before_and_after_and_leaves_a_run(tuned):
     assert "cartpole: 12 trainings fit the numbers of a reward" in tuned.said
     assert "WIDTH" in tuned.said and "centred 0.25" in tuned.said
     assert "over 12 trainings" in tuned.said
-    assert "The tuned numbers are better than those before: F " in tuned.said
+    assert "The tuned numbers are better than the original ones: F " in tuned.said
     run = RunView.read(tuned.directory)
     assert run.tunes and not run.searched
     found = run.tuned
@@ -131,7 +131,7 @@ def test_it_prints_numbers_before_and_after_and_leaves_a_run(tuned):
 
 
 def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
-    sentence = "The tuned numbers are better than those before"
+    sentence = "The tuned numbers are better than the original ones"
     show(tuned.directory)
     said = capsys.readouterr().out
     assert sentence in said and "centred 0.25" in said
@@ -141,7 +141,7 @@ def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
     for text in (report, page):
         assert sentence in text and "centred 0.25" in text and "F with a larger change" in text
     assert "trial_11" in report and "The reward after" in report
-    assert "The numbers of a reward are fitted" in page
+    assert "The numbers in a reward are fitted" in page
 
 
 def test_what_made_its_policy_robust_is_shown_too(tuned, monkeypatch, capsys):

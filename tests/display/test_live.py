@@ -227,8 +227,8 @@ def test_a_slot_that_the_model_writes_for_says_so_and_for_how_long(monkeypatch):
         shown(Checked(REFUSED))
         shown(Asked((0, 1)))
         rows = shown_rows(shown)
-    assert "being written again, as it repeated a reward, 0 s" in rows["0"] and "accepted" not in rows["0"]
-    assert "being written again, as it was refused" in rows["1"]
+    assert "being written again: it repeated a reward, 0 s" in rows["0"] and "accepted" not in rows["0"]
+    assert "being written again: it was refused" in rows["1"]
 
 
 def test_a_log_names_the_slots_that_are_asked_for():

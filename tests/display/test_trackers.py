@@ -133,7 +133,7 @@ def test_a_tracker_that_fails_ends_its_mirror_and_not_the_run(
     fake.log = lambda values: 1 / 0  # type: ignore[method-assign]
     monkeypatch.setitem(sys.modules, "wandb", fake)
     mirror(tmp_path / "run", "wandb")
-    assert capsys.readouterr().out == "log=wandb hears no more of this run: division by zero\n"
+    assert capsys.readouterr().out == "log=wandb stopped recording this run: division by zero\n"
     assert [kind for kind, _ in fake.calls] == ["init", "finish"], "the next run begins one of its own"
 
 
@@ -145,8 +145,8 @@ def test_a_tracker_that_cannot_open_says_so_before_anything_trains(
     with trackers.mirrored(tmp_path, RunConfig(env="toy", log=log)) as (told,):
         told(Began("train"))
         said = capsys.readouterr().out
-        assert said.startswith(f"log={log} hears nothing of this run") and f"module '{log}' has no attribute" in said
-        assert ("MLFLOW_TRACKING_URI has to name a server" in said) == (log == "mlflow")
+        assert said.startswith(f"log={log} cannot record this run") and f"module '{log}' has no attribute" in said
+        assert ("MLFLOW_TRACKING_URI must name a server" in said) == (log == "mlflow")
         told._tell("numbers", {"x": 1.0}, 0)
     assert capsys.readouterr().out == ""
 

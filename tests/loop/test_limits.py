@@ -92,7 +92,7 @@ def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_pat
     assert "torque 80.00 of at most 75. It breaks a limit" in asked[-1].content
     run = RunView.read(directory)
     assert run.best is None and run.crown is None
-    assert verdict(run) == "No reward won: every policy breaks a limit. The nearest is g1s1: torque 78 N m, above 75."
+    assert verdict(run) == "No reward won: every policy breaks a limit. The closest is g1s1: torque 78 N m, above 75."
     assert Run(directory).finished and not (directory / "best").exists()
 
 
@@ -191,4 +191,4 @@ def test_fitted_numbers_that_keep_a_limit_replace_a_reward_that_breaks_it(tmp_pa
     assert min(before) > max(after)  # by F alone the text as it came would stay
     assert found.breach_before == "torque 13 N m, above 10" and not found.breach
     assert found.better == found.after and "return 3.0 * y" not in (directory / "best" / "reward.py").read_text()
-    assert of_tuning(found).startswith("The tuned numbers win: the policies of those before break a limit, torque 13")
+    assert of_tuning(found).startswith("The tuned numbers win: policies of the original ones break a limit, torque 13")

@@ -111,8 +111,8 @@ def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: 
     assert found.better and found.best is not None and found.best.lane.endswith("-s3")
     # Played and held out are one less than in training; 1.96 * sqrt(0.1**2 + 0.1**2) = 0.277.
     assert found.gain is not None and (found.gain.value, found.gain.low) == pytest.approx((4.0, 3.723), abs=1e-3)
-    between = "F 11.02 ± 0.10 against 7.02 ± 0.10 of the policy it began from, held out"
-    assert of_polishing(found).startswith(f"The policy carried on is better: {between}; ")
+    between = "F 11.02 ± 0.10 against 7.02 ± 0.10 of the policy it started from, held out"
+    assert of_polishing(found).startswith(f"The policy that trained further is better: {between}; ")
     assert not (plain / "polished").exists() and RunView.read(plain).polished is None
 
 
@@ -138,7 +138,7 @@ def test_the_score_that_the_policy_was_chosen_by_does_not_stand_for_one_to_compa
     view = RunView.read(tmp_path)
     assert view.polished is not None and "noise" not in tables.polished(view, view.polished).note
     noisy = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
-    assert "have the noise of training" in tables.polished(replace(view, evaluations=noisy), view.polished).note
+    assert "keep the noise of training" in tables.polished(replace(view, evaluations=noisy), view.polished).note
     found = replace(view, tryouts={}).polished  # as before both are judged
     assert found is not None and found.before is None
 
@@ -148,7 +148,7 @@ def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
     found = polished(tmp_path)
     assert not found.better and found.best == found.began
     assert found.chosen is not None and found.chosen.start.fresh == 0.0  # of those that lost the best
-    assert of_polishing(found).startswith("The policy carried on is worse: F 5.02 ± 0.10 against 7.02 ± 0.10 ")
+    assert of_polishing(found).startswith("The policy that trained further is worse: F 5.02 ± 0.10 against 7.02 ± 0.10")
     assert not (tmp_path / "polished").exists()
 
 
@@ -223,7 +223,7 @@ def test_where_no_lane_leaves_a_policy_the_best_stays(tmp_path: Path) -> None:
     search(tmp_path / "b", Runner(failing=[f"{own}-s{seed}" for seed in (3, 4, 5)]))
     found = polished(tmp_path / "b")
     assert found.chosen is None and not found.better
-    assert of_polishing(found) == "Carrying the policy on left none that could be scored: the one in best/ is the best."
+    assert of_polishing(found).startswith("Further training left no policy that could be scored: the one in best/")
     assert Run(tmp_path / "b").finished
 
 
@@ -253,12 +253,12 @@ def test_reports_name_both_results_and_keep_them_apart(tmp_path: Path) -> None:
     search(tmp_path, Runner(error=0.1))
     view = RunView.read(tmp_path)
     found = polished(tmp_path)
-    assert "carried on" not in verdict(view)
+    assert "trained further" not in verdict(view)
     shown = "\n".join(summary(view)), html.report(view, tmp_path), str(pages.overview(tmp_path, view))
     for text in shown:
-        assert "The best policy, as it is" in text and of_polishing(found) in text and verdict(view) in text
+        assert "The best policy, trained further" in text and of_polishing(found) in text and verdict(view) in text
         assert found.tries[1].lane.id in text and "10%" in text
-    assert "<code>polished/</code> holds what became of it" in shown[1]
+    assert "<code>polished/</code> holds the result" in shown[1]
     assert ("eureka play DIR policy=polished", "watch the best policy") in nexts(view)
     told = json.loads(json.dumps(facts(view)))["polished"]
     assert told["better"] and told["best"]["lane"] == found.tries[0].lane.id
@@ -306,7 +306,7 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     assert "wins" not in of_polishing(both)
     assert of_polishing(both).endswith("Both break a limit: torque 78 N m, above 65.")
     wins = replace(stricter, breach="", best=PolicyId("other-s0", "last"))  # a lane of lower torque
-    assert of_polishing(wins).startswith("The policy carried on wins: the one it began from breaks a limit, torque 70")
+    assert of_polishing(wins).startswith("The policy that trained further wins: the one before breaks a limit, torque ")
 
 
 class Killed(BaseException):

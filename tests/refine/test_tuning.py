@@ -196,8 +196,8 @@ def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
     assert found.better == ORIGINAL and len(found.finals) == 3
-    assert fitted.finals(RunView.read(tmp_path), found).note.endswith("best/ holds the reward before.")
-    assert "The tuned numbers are worse than those before" in of_tuning(found)
+    assert fitted.finals(RunView.read(tmp_path), found).note.endswith("best/ holds the original reward.")
+    assert "The tuned numbers are worse than the original ones" in of_tuning(found)
 
 
 def test_one_that_is_refused_or_diverges_is_the_worst_of_its_round(tmp_path: Path) -> None:
@@ -222,7 +222,7 @@ def test_where_no_weighting_trains_the_text_as_it_came_stays(tmp_path: Path) -> 
 
     found = go(tmp_path, Lame(), HUMAN, tune=4, sample=4)
     assert found.after == "" and of_tuning(found).startswith(
-        "The numbers stay as they came: no other weighting trained"
+        "The numbers stay unchanged: no other weighting left a policy"
     )
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
 
@@ -237,7 +237,7 @@ def test_where_every_proposal_is_refused_the_verdict_says_why(tmp_path: Path) ->
 
     found = go(tmp_path, Hill(), HUMAN, tune=8, sample=4, checker=Strict())
     assert of_tuning(found) == (
-        "The numbers stay as they came: no other weighting trained to a policy that could be scored. 7 of 7 were "
+        "The numbers stay unchanged: no other weighting left a policy that could be scored. 7 of 7 were "
         "refused or failed; the first, trial_1: line 2: slice indices must be integers [indices]."
     )
 
@@ -359,12 +359,12 @@ def test_nothing_is_said_of_a_race_before_its_policies_are_judged(tmp_path: Path
     half = {ORIGINAL: SeedScores(training=(5.0,), held_out=(5.0,)), "t0.1": going}  # as in a search
     known = replace(found, finals=half)
     assert of_tuning(known) == "Not decided yet: the final trainings are not done."
-    assert "with the numbers after, no final training left a policy" in of_tuning(replace(known, judged=True))
+    assert "with the tuned numbers, no final training left a policy" in of_tuning(replace(known, judged=True))
     Store.open(tmp_path, config()).close()
     run = RunView.read(tmp_path)
     assert "best/" not in fitted.finals(run, found).note and "noise" not in fitted.finals(run, found).note
     noisy = Evaluation(lane="a", fitness=1.0, episode_length=1.0, episodes=4, noisy=True)
-    assert "actions have the noise of training" in fitted.finals(replace(run, evaluations={"a": noisy}), found).note
+    assert "actions keep the noise of training" in fitted.finals(replace(run, evaluations={"a": noisy}), found).note
 
 
 # --- at the end of a search ------------------------------------------------------------------------------------------
@@ -399,7 +399,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
         assert "The best reward with fitted numbers" in text and of_tuning(found) in text
     assert view.fitted is not None and view.fitted.source.splitlines()[1] in re.sub("<[^>]+>", "", text)
-    assert ", with the search's seed; with fitted numbers since, see below." in html.report(view, tmp_path)
+    assert ", with the search's seed; shown with fitted numbers, see below." in html.report(view, tmp_path)
     with Store.view(tmp_path) as store:
         assert store.glance().fitness == view.ranking.best.score, "fitted numbers are no candidates"
     assert Run(tmp_path).finished

@@ -134,7 +134,7 @@ def test_a_drive_without_a_limit_is_said_to_have_none(wanted: Policy, monkeypatc
 def test_a_task_that_does_not_say_what_it_observes_says_that(wanted: Policy):
     found = export.deployed(policy(60, 8, (8,)), Ant)
     assert set(found) == {"policy.onnx", "deploy.yaml"}
-    assert "`ant` does not say what its observation is made of" in found["deploy.yaml"].decode()
+    assert "`ant` does not say what its observation consists of" in found["deploy.yaml"].decode()
     assert yaml.safe_load(found["deploy.yaml"])["env"] == "ant"
 
 
@@ -276,13 +276,13 @@ def changed(**values) -> Deployment:
             {"deployment": changed(observation=(Term("gravity", (1.0,)), *DEPLOYMENT.observation[1:]))},
             "",
             "",
-            "`gravity` in the `deployment` of `leg` is not what `observe` gives there",
+            "`gravity` in the `deployment` of `leg` does not match what `observe` gives",
         ),
         (
             {"deployment": changed(observation=(*DEPLOYMENT.observation[:2], Term("joint_velocities", (0.2,))))},
             "",
             "",
-            "`joint_velocities` in .* is not what `observe` gives",
+            "`joint_velocities` in .* does not match what `observe` gives",
         ),
         ({"deployment": changed(action_scale=0.2)}, "", "", "`apply_action` of `leg` does not set default_pose"),
         ({}, 'kp="50"', 'kp="50" gear="5"', "The actuator hip of `leg` is no position drive of one joint with gear=1"),
@@ -371,7 +371,7 @@ def test_a_policy_is_not_said_to_have_trained_with_what_was_changed_since(
     assert build.policy_files(tmp_path, "best", "none", "leg") == ""
     before = {name: (tmp_path / "best" / name).read_bytes() for name in export.PROGRAMS}
     now[0] = type("Stiffer", (Stiffer,), {"model": leg.model})
-    assert "`action_scale` of `leg` is no longer what its policy" in build.policy_files(tmp_path, "best", "none", "leg")
+    assert "`action_scale` of `leg` has changed since its policy" in build.policy_files(tmp_path, "best", "none", "leg")
     assert before == {name: (tmp_path / "best" / name).read_bytes() for name in export.PROGRAMS}
     now[0] = type("Slower", (leg,), {"control_dt": 0.04, "substeps": 8, "env": "renamed"})
     assert "`control_rate` of `renamed`" in build.policy_files(tmp_path, "best", "none", "leg")

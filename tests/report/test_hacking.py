@@ -40,8 +40,8 @@ def test_a_reward_without_signs_says_what_was_looked_for(tmp_path: Path) -> None
     report = words(html.report(run, tmp_path))
     assert report.count("| not seen |") == 3 and "SUSPECTED" not in report
     # The best policy's own held-out F is 50 - 2.
-    assert "| as the task has it | 48.00 ± 0.50 |" in report and "| mass +10 % | 40.00 ± 0.25 |" in report
-    assert "its F is above their mean. ± here: standard error over episodes." in report
+    assert "| unchanged | 48.00 ± 0.50 |" in report and "| mass +10 % | 40.00 ± 0.25 |" in report
+    assert "so its F is above their mean. ± here: standard error over episodes." in report
     assert not any("hacking" in line for line in summary(run))
 
 
@@ -52,8 +52,8 @@ def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> N
         for lane, tried in run.tryouts.items()
     }
     report = words(html.report(dataclasses.replace(run, tryouts=unplayed), tmp_path))
-    assert report.count("| not seen |") == 2 and "| not looked at |" in report
-    assert "as the task has it" not in report
+    assert report.count("| not seen |") == 2 and "| not checked |" in report
+    assert "| unchanged |" not in report
 
 
 def test_where_no_untrained_policy_played_what_was_learnt_is_not_known(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_where_no_untrained_policy_played_what_was_learnt_is_not_known(tmp_path:
     run = judged(0.06)
     older = {lane: {"mass +10 %": tried["mass +10 %"]} for lane, tried in run.tryouts.items()}
     report = words(html.report(dataclasses.replace(run, tryouts=older), tmp_path))
-    assert report.count("| not seen |") == 2 and "| fails in a slightly changed world | not looked at |" in report
+    assert report.count("| not seen |") == 2 and "| fails in a slightly changed world | not checked |" in report
     assert "| mass +10 % | 40.00 ± 0.25 |" in report
 
 

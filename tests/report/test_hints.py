@@ -21,7 +21,7 @@ def test_a_component_that_never_moved_is_named():
 
 def test_a_component_that_pays_every_step_alike_is_not_said_to_teach_nothing():
     found = hints(trained(component__alive=[0.5] * 100))
-    assert found == ("alive stayed at 0.5: all it can teach is how long to last.",)
+    assert found == ("alive stayed at 0.5: it only rewards or punishes long episodes.",)
 
 
 def test_f_that_falls_while_the_own_reward_rises_is_told():
@@ -41,7 +41,7 @@ def test_f_that_still_rises_is_told_and_one_that_is_flat_is_not():
 
 
 def test_a_reward_against_the_human_one_is_told():
-    assert "run against each other" in hints(trained(-0.4, fitness=[min(n, 50) for n in EPOCHS]))[0]
+    assert "negatively correlated" in hints(trained(-0.4, fitness=[min(n, 50) for n in EPOCHS]))[0]
 
 
 def test_one_component_that_outweighs_the_others_is_named_with_its_share():
@@ -57,7 +57,7 @@ def test_components_that_do_not_add_up_to_the_reward_have_no_shares():
     weighed = trained(**parts, reward=[0.92] * 100)  # near - 0.01 * effort
     assert shares(weighed) == {} and not any("makes up" in hint for hint in hints(weighed))
     drawn = components(weighed), components(trained(**parts, reward=[9.0] * 100))
-    assert [chart.note for chart in drawn if chart] == ["They do not add up to the reward.", ""]
+    assert [chart.note for chart in drawn if chart] == ["The components do not add up to the reward.", ""]
 
 
 def test_a_short_training_and_none_say_nothing():

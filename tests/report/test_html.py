@@ -177,14 +177,14 @@ def test_who_wrote_the_rewards_and_what_they_were_shown_is_true(model, told, tmp
     text = " ".join(Page(html.report(shown, tmp_path)).text.split())
     assert ("A language model (gpt-5) wrote reward functions" in text) is told
     assert ("the model was shown the best reward" in text) is told
-    assert ("No language model: chance (model=random) drew reward functions" in text) is not told
-    assert ("chance reads neither the results before it nor what a person says" in text) is not told
+    assert ("Without a language model, model=random drew random reward functions" in text) is not told
+    assert ("a new random draw, which uses neither earlier results nor feedback" in text) is not told
 
 
 def test_a_report_offers_what_the_run_has_files_for_and_says_which_folder_is_meant(tmp_path, monkeypatch):
     directory = search_in(tmp_path / "run", [reply(7), reply(8)])
     shown = page(directory).flat
-    assert "Watch the best reward's policy: eureka play DIR" in shown and "DIR: the folder of this file." in shown
+    assert "Watch the best reward's policy: eureka play DIR" in shown and "DIR is the folder of this file." in shown
     monkeypatch.chdir(tmp_path)
     shown = page(directory).flat
     assert "eureka play run" in shown and "the folder of this file" not in shown

@@ -68,7 +68,7 @@ def test_what_nobody_has_heard_yet_is_shown_too(finished, capsys) -> None:
         store.remarks.say(Remark(kind=RemarkKind.WORDS, text="later"))
     view = RunView.read(directory)
     text = html.report(view, directory)
-    assert "What a person said since then" in text and "later" in text
+    assert "Feedback since then" in text and "later" in text
     show(directory)
     assert "Since the last prompt:\n  later\n" in capsys.readouterr().out
     assert facts(view)["unheard"] == [{"kind": "words", "text": "later", "candidate": None, "over": None}]

@@ -28,7 +28,7 @@ def test_the_search_comes_second_under_a_name_that_says_what_it_is():
     assert re.search(r"\| highest, g\ds\d \| 50 \|", search)
     assert "| human reward | 60 |" in search
     assert "| sparse reward | 20 |" in search
-    assert "only the final scores compare rewards" in search
+    assert "compare rewards by the final scores" in search
 
 
 def test_the_final_scores_are_means_over_fresh_seeds():

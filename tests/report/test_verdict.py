@@ -42,11 +42,11 @@ def test_an_environment_whose_every_episode_breaks_is_no_question_of_rewards():
     view = ended([None], [None])
     lost = {name: replace(score, episodes=0, lost=4) for name, score in view.evaluations.items()}
     assert verdict(replace(view, evaluations=lost, played={})).startswith(
-        "No policy has a score: every episode that was played ended at a reward, an observation or physics that"
+        "No policy has a score: every episode that was played ended because a reward, an observation or the physics was"
     )
     (name, *_) = lost
     one = replace(lost[name], episodes=1)
-    assert "is not finite" not in verdict(replace(view, evaluations={**lost, name: one}, played={}))
+    assert "was not finite" not in verdict(replace(view, evaluations={**lost, name: one}, played={}))
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_an_environment_whose_every_episode_breaks_is_no_question_of_rewards():
             [39.0, 41.0],
             "Not decided: F 41 (2 seeds) against 40 (2 seeds), held out; difference +1",
         ),
-        ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing of the next"),
+        ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing about"),
         (
             [71.0, None, None],
             [40.0, 41.0, 42.0],
@@ -74,7 +74,7 @@ def test_an_environment_whose_every_episode_breaks_is_no_question_of_rewards():
         ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),
         ([1.0, 1.0], [1.0, 1.0, 1.0], "No difference: both rewards reach F 1 with every seed, held out."),
         ([1.0, None, 1.0], [1.0, 1.0], "Not decided: F 1 (2 seeds, 1 more without a score) against 1 (2 seeds)"),
-        ([1.0, 1.0], [None, None], "The generated reward reaches F 1 (2 seeds), held out; of the human reward's, none"),
+        ([1.0, 1.0], [None, None], "The generated reward reaches F 1 (2 seeds), held out; no final training of the"),
         ([], [40.0, 41.0], "The generated reward lost: none of its final trainings left a policy"),
     ],
 )
@@ -117,8 +117,8 @@ def test_a_chance_to_decide_is_told_where_two_seeds_say_how_far_seeds_differ() -
 def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_decides() -> None:
     view = ended([41.0, 42.0], [40.0])
     known = replace(view, config=replace(view.config, env="humanoid", baselines="known"))
-    assert verdict(known).endswith("The human one was measured with one seed; baselines=train trains it as often.")
-    assert verdict(ended([71.0, None, None], [40.0, 41.0])).endswith("One seed says nothing of the next.")
+    assert verdict(known).endswith("The human one was measured with one seed; baselines=train uses as many.")
+    assert verdict(ended([71.0, None, None], [40.0, 41.0])).endswith("One seed says nothing about the next.")
 
 
 def test_a_search_that_stops_before_its_final_trainings_are_judged_has_not_lost(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_a_person_who_rejects_all_that_trained_is_the_reason_that_nothing_was_fo
     view = RunView.read(search_in(tmp_path, [reply(7), reply(8)]))
     vetoes = [Remark(kind=RemarkKind.VETO, place=Place(0, slot)) for slot in (0, 1)]
     rejected = replace(view, history=view.history.heard(vetoes), crown=None)
-    assert verdict(rejected) == "No reward was found: every one that has a score was rejected."
+    assert verdict(rejected) == "No reward was found: a person vetoed every one that has a score."
 
 
 def test_the_best_f_in_lists_of_runs_is_none_of_a_rejected_reward(tmp_path: Path) -> None:
@@ -195,6 +195,6 @@ def test_f_is_explained_for_tasks_that_are_installed() -> None:
 def test_a_search_that_found_nothing_says_why_and_where_to_read_more(tmp_path: Path) -> None:
     view = RunView.read(search_in(tmp_path, ["prose"] * 4, iteration=2))
     said = verdict(view)
-    assert said.startswith("No reward was found: of 4 slots none left a policy with a score. The newest: g1s0: ")
+    assert said.startswith("No reward was found: none of 4 slots left a policy with a score. The latest is g1s0: ")
     assert "the reply holds no Python function" in said and said in summary(view)
     assert nexts(view) == [("eureka show DIR", "what became of each reply")]

@@ -135,4 +135,4 @@ def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
     assert measured.sentence() in note and "deterministic actions" in note
     scores = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
     noisy = tables.final(replace(view, evaluations=scores), view.outcome).note
-    assert "actions have the noise of training" in noisy and noisy.endswith("Those played without noise.")
+    assert "actions keep the noise of training" in noisy and noisy.endswith("Those played without noise.")

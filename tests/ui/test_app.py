@@ -113,8 +113,8 @@ def test_the_log_is_unfolded_until_the_run_is_finished(tmp_path):
         (tmp_path / name / LOG).write_text("how it went\n")
     client = visitor(tmp_path)
     pages = {name: shown(client, f"/runs/{name}/").source for name in ("done", "stopped")}
-    assert "<details><summary>What it printed last" in pages["done"]
-    assert "<details open><summary>What it printed last" in pages["stopped"]
+    assert "<details><summary>Latest output" in pages["done"]
+    assert "<details open><summary>Latest output" in pages["stopped"]
 
 
 def test_an_empty_folder_says_how_to_begin(tmp_path):
@@ -125,7 +125,7 @@ def test_a_folder_that_is_a_run_opens_it_and_starts_no_other(tmp_path):
     client = visitor(search_in(tmp_path / "run", [reply(1), reply(2)]))
     assert client.get("/").headers["location"] == "/runs/run/"
     assert "g0s1 trained F 1" in shown(client, "/runs/run/").flat
-    assert "This page is about one run" in client.post("/start", data={"env": "ant"}).text
+    assert "This page shows a single run" in client.post("/start", data={"env": "ant"}).text
 
 
 def test_a_run_shows_a_card_for_each_candidate_and_the_prompts(tmp_path):
@@ -239,7 +239,7 @@ def test_a_page_that_is_open_says_that_its_run_was_deleted(tmp_path, monkeypatch
 
     for news in (awaited(listen()), next_news(tmp_path, [])):  # also when it asks again
         (said,) = news["changed"].values()
-        assert "There is no such run any more." in said
+        assert "This run no longer exists." in said
 
 
 def assert_inert(page: Page) -> None:
@@ -323,7 +323,7 @@ def test_runs_are_compared_whatever_they_are_called_and_those_too_many_are_count
 
 @pytest.mark.parametrize(
     ("path", "sentence"),
-    [("/runs/absent/", "There is no such run."), ("/nothing", "No page has this address.")],
+    [("/runs/absent/", "There is no such run."), ("/nothing", "There is no page at this address.")],
 )
 def test_an_address_that_leads_nowhere_shows_the_way_back(tmp_path, path, sentence):
     answer = visitor(tmp_path).get(path)
@@ -335,7 +335,7 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.log").write_text("\x1b[31mThere is no model <b>x</b>.")
     page = shown(visitor(tmp_path), "/runs/run/")
-    assert "has not begun" in page.text and "There is no model <b>x</b>." in page.text
+    assert "has not started" in page.text and "There is no model <b>x</b>." in page.text
     assert_inert(page)
 
 
@@ -371,11 +371,11 @@ def test_a_choice_that_leads_to_nothing_says_so(tmp_path):
         (tmp_path / name / LOG).write_text("There is no key.")
     client = visitor(tmp_path)
     for rest in ("candidates", "candidates?show=g9s9"):
-        assert "No candidate of this run was chosen. Tick some" in shown(client, f"/runs/run/{rest}").flat
+        assert "No candidate of this run is selected. Tick some" in shown(client, f"/runs/run/{rest}").flat
     page = shown(client, "/compare?run=failed&run=broken&run=run")
     assert "2 runs cannot be read: the list says why." in page.flat and "/runs/run/" in page.links()
     page = shown(client, "/compare?run=failed")
-    assert "1 run cannot be read: the list says why." in page.flat and "No run was chosen" not in page.flat
+    assert "1 run cannot be read: the list says why." in page.flat and "No run is selected" not in page.flat
 
 
 def test_a_run_is_shown_whose_log_cannot_be_opened(tmp_path, monkeypatch):
@@ -424,7 +424,8 @@ def test_a_run_that_goes_on_by_itself_says_of_no_button_that_it_must_be_pressed(
         search_in(tmp_path / "run", [reply(7), reply(8)], tell=leave, **asked)
     with Store.open(tmp_path / "run", read_config(tmp_path / "run")):
         page = shown(visitor(tmp_path), "/runs/run/").flat
-    assert "The run waits for a person. “Say, and go on” ends the wait." in page and "goes on after" not in page
+    assert "The run is waiting for your feedback. “Send and continue” ends the wait." in page
+    assert "continues after" not in page
 
 
 def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):

@@ -99,8 +99,8 @@ def test_a_table_stays_scrolled_as_news_comes(page: Page, tmp_path: Path):
         model.allowed.release()
         expect(page.locator("#candidates")).to_contain_text("g0s1")
         assert page.evaluate("document.querySelector('[aria-label=Candidates]').scrollLeft") == 90
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
-        page.get_by_role("button", name="Say, and go on").click()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
+        page.get_by_role("button", name="Send and continue").click()
 
 
 def test_a_line_that_is_pointed_at_stands_out_and_beyond_four_lines_have_dashes(page: Page, tmp_path: Path):
@@ -233,11 +233,11 @@ def test_only_the_newest_and_the_best_generation_are_unfolded_and_a_person_folds
         model.allowed.release(4)
         page.goto("/")
         page.get_by_role("link", name="run", exact=True).click()
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
-        page.get_by_role("button", name="Say, and go on").click()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
+        page.get_by_role("button", name="Send and continue").click()
         expect(page.locator("#g1s1")).to_contain_text("trained")
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
-        page.get_by_role("button", name="Say, and go on").click()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
+        page.get_by_role("button", name="Send and continue").click()
         model.allowed.release()
         expect(page.locator("#g2s0")).to_be_visible()
         page.reload()

@@ -87,7 +87,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         expect(page.locator("#g0s0")).to_contain_text("drawn")  # it appeared without a reload
         model.allowed.release()
         expect(page.locator("#g0s1")).to_contain_text("trained F 7")
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
 
         film(tmp_path / "run", slot=1)
         video = page.locator("#g0s1 video")
@@ -96,9 +96,9 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         assert comes_true(page, "document.querySelector('#g0s1 video').currentTime > 0")
 
         page.get_by_label("What should be different?").fill("Too jerky: <b>keep</b> the torso upright")
-        page.get_by_role("button", name="Say", exact=True).click()
+        page.get_by_role("button", name="Send", exact=True).click()
         expect(page.get_by_text("Too jerky: <b>keep</b> the torso upright")).to_be_visible()
-        page.get_by_role("button", name="Say, and go on").click()
+        page.get_by_role("button", name="Send and continue").click()
 
         model.allowed.release(2)
         expect(page.locator("#g1s1")).to_contain_text("trained F 4")
@@ -115,10 +115,10 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         model.allowed.release(2)
         enter(page)
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
         for name in ("g0s0", "g0s1"):
             page.get_by_label(f"compare {name}").check()
-        page.get_by_role("button", name="Compare the chosen side by side").click()
+        page.get_by_role("button", name="Compare the selected ones side by side").click()
         expect(page.locator("section.candidate")).to_have_count(2)
         page.get_by_role("button", name="Better than g0s1").click()
         expect(page.get_by_text("g0s0 is better than g0s1")).to_be_visible()
@@ -129,7 +129,7 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
         veto.click()
         expect(page.get_by_text("veto: g0s1")).to_be_visible()
         page.goto("/runs/run/")
-        page.get_by_role("button", name="Say, and go on").click()
+        page.get_by_role("button", name="Send and continue").click()
         expect(page.get_by_text("Generation 1")).to_be_visible()
 
 
@@ -145,8 +145,8 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
         expect(page.get_by_label("What should be different?")).to_have_value("half a sen")
         expect(page.locator("pre", has_text="Do the thing.")).to_be_visible()
         expect(page.get_by_label("compare g0s0")).to_be_checked()
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
-        page.get_by_role("button", name="Say, and go on").click()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
+        page.get_by_role("button", name="Send and continue").click()
 
 
 def test_a_link_that_is_pressed_while_news_comes_is_followed(page: Page, tmp_path: Path):
@@ -180,10 +180,10 @@ def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
         model.allowed.release(2)
         page.get_by_role("link", name="<img src=x onerror=alert(1)>").click()
         page.get_by_label("What should be different?").fill(ATTACK)
-        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
-        page.get_by_role("button", name="Say", exact=True).click()
+        expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
+        page.get_by_role("button", name="Send", exact=True).click()
         expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
-        page.get_by_role("button", name="Say, and go on").click()
+        page.get_by_role("button", name="Send and continue").click()
         model.allowed.release(2)
         expect(page.locator("#g1s1")).to_contain_text("trained F 1")  # came by following
         page.locator("#candidates").get_by_role("link", name="g0s0").first.click()
@@ -199,18 +199,18 @@ def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(chromium: Brow
         with served(tmp_path) as port:
             page.goto(f"http://eureka:{TOKEN}@127.0.0.1:{port}/open")
             page.goto(f"http://127.0.0.1:{port}/runs/run/")
-            expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
-        expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_visible()
+            expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_hidden()
+        expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_visible()
         expect(page.locator("#lost")).to_have_css("position", "sticky")  # also to who reads far below
         with served(tmp_path, port):
-            expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
+            expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_hidden()
 
 
 def test_a_page_whose_connection_falls_silent_says_so_and_connects_anew(
     page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     search_in(tmp_path / "run", [reply(7), reply(8)])
-    lost = page.get_by_text("This page no longer hears from eureka ui.")
+    lost = page.get_by_text("This page has lost its connection to eureka ui.")
     page.clock.install()
     monkeypatch.setattr(follow, "BEAT", 0.1)
     page.goto("/runs/run/")
@@ -260,12 +260,12 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
             expect(page.get_by_text("Epoch 5 of 9, 1,234 steps/s")).to_be_visible()
             expect(chart.locator(".plot")).to_have_attribute("aria-label", re.compile("g0s1"))
             page.locator("#candidates").get_by_role("link", name="g0s0").click()
-            expect(page.get_by_text("It is being trained")).to_be_visible()
+            expect(page.get_by_text("Training now")).to_be_visible()
         finally:
             seen.set()
             release.set()
             thread.join()
-        expect(page.get_by_text("It is being trained")).to_be_hidden()
+        expect(page.get_by_text("Training now")).to_be_hidden()
 
 
 def test_a_chart_tells_what_is_under_the_pointer_zooms_hides_and_leads_on(page: Page, searched: Path):
@@ -399,7 +399,7 @@ def test_runs_are_compared_by_what_they_found_and_how_they_differ(page: Page, tm
     expect(page.locator(".board tbody tr td:first-child")).to_have_text(["two", "one"])  # 11.01 and 7.01, held out
     for name in ("one", "two"):
         page.get_by_label(f"compare {name}").check()
-    page.get_by_role("button", name="Compare the chosen runs").click()
+    page.get_by_role("button", name="Compare the selected runs").click()
     expect(page.locator("#compared tbody tr")).to_have_count(2)
     expect(page.get_by_role("row", name="iteration 2 1")).to_be_visible()
     expect(page.locator(".chart canvas")).to_be_visible()

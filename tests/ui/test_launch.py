@@ -101,7 +101,7 @@ def test_a_stopped_run_goes_on_and_its_log_grows(tmp_path, monkeypatch):
     wait_for(lambda: (directory / LOG).read_text() == f"earlier\n['resume', '{directory}']\n")
     with FileLock(directory / LOCK):
         answer = client.post("/runs/run/resume")
-        assert answer.status_code == 400 and "is at work already" in answer.text
+        assert answer.status_code == 400 and "is already running" in answer.text
 
 
 def test_a_run_that_is_called_like_a_setting_goes_on(tmp_path, monkeypatch):
@@ -131,11 +131,11 @@ def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):
         ({"env": "ant", "video": "<b>"}, "`video` must be one of all, best, none"),
         ({"env": "ant", "device": "tpu"}, "There is no device `tpu`"),
         ({"env": "ant", "model": "rnadom"}, "Did you mean `random`?"),
-        ({"env": "ant", "model": "replay:nowhere"}, "is not a model that can be asked from here"),
-        ({"env": "ant", "model": "local:nowhere.gguf"}, "is not a model that can be asked from here"),
-        ({"env": "ant", "model": "local:hub:owner/repo/file.gguf"}, "is not a model that can be asked from here"),
-        ({"env": "ant", "model": "os:system"}, "is not a model that can be asked from here"),
-        ({"env": "ant", "model": "os.path:exists"}, "is not a model that can be asked from here"),
+        ({"env": "ant", "model": "replay:nowhere"}, "is not a model that can be used from here"),
+        ({"env": "ant", "model": "local:nowhere.gguf"}, "is not a model that can be used from here"),
+        ({"env": "ant", "model": "local:hub:owner/repo/file.gguf"}, "is not a model that can be used from here"),
+        ({"env": "ant", "model": "os:system"}, "is not a model that can be used from here"),
+        ({"env": "ant", "model": "os.path:exists"}, "is not a model that can be used from here"),
     ],
 )
 def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, problem):
@@ -187,7 +187,7 @@ def test_a_page_that_shows_thousands_of_candidates_is_followed(tmp_path):
 def test_an_address_that_is_taken_is_said_in_a_sentence(tmp_path):
     with server.listen("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="choose another host= or port="):
         server.listen("127.0.0.1", taken.getsockname()[1])
-    with pytest.raises(ConfigError, match="No page at 192.0.2.1:0"):
+    with pytest.raises(ConfigError, match="Cannot serve the page at 192.0.2.1:0"):
         server.listen("192.0.2.1", 0)
 
 

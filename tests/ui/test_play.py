@@ -155,14 +155,14 @@ def test_who_must_leave_is_told_that_another_one_began():
         second.cancel()
         return said
 
-    assert awaited(both()) == 'event: end\ndata: "It plays no more. Another one began."\n\n'
+    assert awaited(both()) == 'event: end\ndata: "The policy has stopped. Another one was started."\n\n'
 
 
 def test_a_policy_that_went_since_the_page_was_opened_is_not_said_to_have_played(page: Page, run: Path):
     page.goto("/runs/run/candidates?show=g0s0")
     page.route("**/play/g0s0", lambda route: route.abort())
     page.get_by_role("button", name="Start").click()
-    expect(page.get_by_text("It did not begin")).to_be_visible()
+    expect(page.get_by_text("It could not start")).to_be_visible()
 
 
 def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):

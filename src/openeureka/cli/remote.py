@@ -30,7 +30,7 @@ def feedback(directory: Path, words: Sequence[str]) -> None:
         raise FeedbackError('Say something, for example: eureka feedback DIR "too jerky" favourite=g0s3 go')
     say(directory, *remarks)
     if not is_held(directory):
-        print(f"Saved. The run is not running; continue it with: {command_line('resume', directory)}")
+        print(f"Saved. The run has stopped; continue it with: {command_line('resume', directory)}")
         return
     go = any(said.kind is RemarkKind.GO for said in remarks)
     print("The run continues." if go else "Saved for the next generation; the run continues when you say `go`.")

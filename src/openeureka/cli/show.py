@@ -62,7 +62,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     tell(summary(run))
     if len(run.history.generations) < run.config.generations and not is_held(directory):
         log = f"{directory / LOG} shows what it did last. " if artifacts.exists(directory, LOG) else ""
-        print(plain(f"This run is not running. {log}To continue: {command_line('resume', directory)}"))
+        print(plain(f"This run has stopped. {log}To continue: {command_line('resume', directory)}"))
     if (best := run.best_text) is not None and run.best is not None:
         fitted = " with fitted numbers" if run.fitted is not None else ""
         print(f"\nBest reward, {run.best.place}{fitted}:\n\n{plain(best.source)}")

@@ -35,7 +35,7 @@ _PHASES: dict[Phase, str] = {
     "play": "playing the policies",
     "feedback": "waiting for a person",
     "final": "training the leading rewards again",
-    "polish": "carrying the best policy on",
+    "polish": "training the best policy further",
     "evaluate": "scoring on held-out episodes",
 }
 
@@ -287,7 +287,7 @@ class TerminalView:
         sample = self._samples.get(slot)
         again = ""
         if sample is not None:
-            again = " again, as it repeated a reward" if sample.verdict.accepted else " again, as it was refused"
+            again = " again: it repeated a reward" if sample.verdict.accepted else " again: it was refused"
         return f"being written{again}, {duration(time.monotonic() - self._asked[slot])}"
 
     def _lanes(self) -> Table:

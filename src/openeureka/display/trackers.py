@@ -110,7 +110,7 @@ TRACKERS: Mapping[str, Callable[[Path, RunConfig], Tracker]] = {
 }
 
 
-_ADVICE = {"mlflow": "; MLFLOW_TRACKING_URI has to name a server, as the small package of MLflow has no store"}
+_ADVICE = {"mlflow": "; MLFLOW_TRACKING_URI must name a server, because MLflow's small package has no store"}
 
 
 class Mirror:
@@ -166,7 +166,7 @@ class Mirror:
             try:
                 self._tracker = TRACKERS[self._name](self._directory, self._config)
             except Exception as error:
-                self._say(f"hears nothing of this run{_ADVICE.get(self._name, '')}", error)
+                self._say(f"cannot record this run{_ADVICE.get(self._name, '')}", error)
 
     def _tell(self, verb: str, *said: object) -> None:
         """Call the tracker. Whatever its library raises ends the mirror and not the run."""
@@ -176,7 +176,7 @@ class Mirror:
                 getattr(self._tracker, verb)(*said)
         except Exception as error:
             failed, self._tracker = self._tracker, None
-            self._say("hears no more of this run", error)
+            self._say("stopped recording this run", error)
             if failed is not None and verb != "close":
                 with suppress(Exception):  # left open, it would log the next run of this process
                     failed.close()

@@ -96,8 +96,8 @@ def _programs(directory: Path, folder: str, policy: Policy, task: type[Task]) ->
 
 
 _STRANGE = (
-    "No video and no new policy.onnx: the run's task is no installed one, and what a run names is not imported "
-    "unasked; add env=FILE.py to `{command}`."
+    "No video and no new policy.onnx: the run's task is not installed, and code that a run names is not imported "
+    "unless you name it too. Add env=FILE.py to `{command}`."
 )
 
 

@@ -106,7 +106,7 @@ def progress(run: RunView) -> Chart | None:
         lines,
         names=tuple(str(candidate.place) for candidate in shown),
         bounds=tuple(begins),
-        note="What was not played yet stands at its F in training." if run.ranks == "played" and early else "",
+        note="Candidates not yet played are at their F in training." if run.ranks == "played" and early else "",
     )
 
 
@@ -135,7 +135,7 @@ def components(result: TrainingResult | None) -> Chart | None:
     drawn = _curves("Components, mean per step", named, "components")
     if drawn is None or adds_up(result):
         return drawn
-    return replace(drawn, note=f"They do not add up to the reward. {drawn.note}".rstrip())
+    return replace(drawn, note=f"The components do not add up to the reward. {drawn.note}".rstrip())
 
 
 def under_way(

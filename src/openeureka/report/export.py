@@ -142,8 +142,8 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     about = described(task, policy.unseen)
     if name := changed(policy.interface, as_text(about)):
         raise NotRenewed(
-            f"`{name}` of `{task.env}` is no longer what its policy was trained with, so what deploys it is not made "
-            "anew: undo the change, or train again."
+            f"`{name}` of `{task.env}` has changed since its policy was trained, so the files that deploy it were not "
+            "renewed. Undo the change, or train again."
         )
     listed = yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=110)
     if task.deployment is None:
@@ -175,7 +175,7 @@ def _scene(task: type[Task]) -> dict[str, bytes]:
                 content = given[file] if file in given else path.read_bytes()
             except OSError as error:
                 raise NotRenewed(
-                    f"scene.xml of `{task.env}` lacks {path}, which cannot be read: {error.strerror}."
+                    f"scene.xml of `{task.env}` needs {path}, which cannot be read: {error.strerror}."
                 ) from None
             name = f"{ASSETS}/{len(found)}_{path.name}"
             found[name] = content
@@ -202,8 +202,8 @@ def _expect_same(task: type[Task]) -> None:
         other = ~np.isclose(seen, step.observation[world].numpy(), rtol=1e-3, atol=1e-3) & (names != "commands")
         if other.any():
             raise TaskError(
-                f"`{names[other][0]}` in the `deployment` of `{task.env}` is not what `observe` gives there; name its "
-                "terms in their order, with their scales."
+                f"`{names[other][0]}` in the `deployment` of `{task.env}` does not match what `observe` gives; list "
+                "the terms of `observe` in order, with their scales."
             )
         low, high = senses.low, senses.high
         if not np.allclose(senses.targets(), np.clip(data.ctrl, low, high), rtol=1e-3, atol=1e-3):
@@ -217,18 +217,18 @@ _COLUMNS = """# policy.onnx takes the observation in one row, without the column
 # The observation's clip and normalisation are inside it.
 """
 _NOT_SAID = (
-    """# `{env}` does not say what its observation is made of, so no other program can make it: give the task's class a
-# `deployment` (openeureka.tasks.deployment).
+    """# `{env}` does not say what its observation consists of, so no other program can compute it: give the task's
+# class a `deployment` (openeureka.tasks.deployment).
 """
     + _COLUMNS
 )
 _ELSEWHERE = (
-    """# The observation is what `{env}` gives: its parts in order, whole numbers as a one among zeros. An action of
-# -1 to 1 is action_low to action_high there; of choices, the number of an option counts on from action_first.
+    """# The observation is what `{env}` gives: its parts in order, discrete values one-hot. Actions of -1 to 1 are
+# action_low to action_high there; the options of a discrete action are numbered from action_first on.
 """
     + _COLUMNS
 )
-_HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
+_HEAD = """# How to run policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
 # target angle = default_joint_pos + action_scale * action, kept from target_low to target_high; torque of the drive =
 # joint_stiffness * (target - angle) - joint_damping * rate, at most torque_limit either way. The joint in simulation
 # adds - passive_stiffness * (angle - passive_rest) - passive_damping * rate, dry friction of at most friction_loss, and

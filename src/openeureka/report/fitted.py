@@ -17,9 +17,9 @@ def finals(run: RunView, found: Tuned) -> Table:
     ]
     note = "Mean ± standard deviation over fresh seeds."
     if run.noisy:
-        note += f" Held out, {NOISY}."
+        note += f" Held out: {NOISY}."
     if any(own.scores for own in found.finals.values()):
-        note += f" best/ holds the reward {'before' if found.better == ORIGINAL else 'after'}."
+        note += f" best/ holds the {'original' if found.better == ORIGINAL else 'tuned'} reward."
     return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
 
 
@@ -37,9 +37,9 @@ def numbers(found: Tuned) -> Table:
         for effect in found.effects
     ]
     note = (
-        f"Rank correlations of F when played with each number, and with how far it is from before, over "
-        f"{found.trained} trainings. Of each number both intervals hold together with 95 %: of twenty that do not "
-        "matter, one will seem to. Thresholds moved a tenth as far as the others."
+        f"Rank correlations of F when played with each number, and with its distance from its value before, over "
+        f"{found.trained} trainings. For each number both intervals hold together with 95 %: of twenty numbers that "
+        "do not matter, about one will seem to. Thresholds were changed a tenth as much as the other numbers."
     )
     return Table(("number", "before", "after", "F with a larger value", "F with a larger change", "effect"), rows, note)
 
@@ -56,14 +56,14 @@ def _effect(effect: Effect) -> str:
     if effect.trend is not None and effect.trend.sure:
         said.append("more is better" if effect.trend.value > 0 else "less is better")
     if effect.distance is not None and effect.distance.sure:
-        said.append("better elsewhere" if effect.distance.value > 0 else "good where it was")
+        said.append("better when changed" if effect.distance.value > 0 else "better unchanged")
     return ", ".join(said) or "no effect seen"
 
 
 def components(found: Tuned) -> Table:
     """Mean of each component with the numbers before and after."""
     rows = [(name, number(before), number(after)) for name, (before, after) in found.components.items()]
-    note = "Mean per step in the last tenth of the final trainings, each with its own numbers in it."
+    note = "Mean per step in the last tenth of the final trainings, each with its own numbers."
     return Table(("component", "before", "after"), rows, note)
 
 

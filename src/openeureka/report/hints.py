@@ -75,7 +75,7 @@ def _of_fitness(result: TrainingResult, best: float) -> Iterator[str]:
     if span and end is not None and before is not None and end - before > FALL * span / 2:
         yield "F still rises at the end: a longer training may show more (steps=)."
     if result.correlation is not None and result.correlation < 0.0:
-        yield f"Its own reward and the human one run against each other (correlation {number(result.correlation, 2)})."
+        yield f"This reward and the human one are negatively correlated ({number(result.correlation, 2)})."
 
 
 def _rises(own: Curve, since: int) -> bool:
@@ -98,7 +98,7 @@ def _still(name: str, value: float) -> str:
     """On a component that pays the same at every step: it makes a longer episode worth more, or less."""
     if not value:
         return f"{name} was always 0: it teaches nothing."
-    return f"{name} stayed at {number(value)}: all it can teach is how long to last."
+    return f"{name} stayed at {number(value)}: it only rewards or punishes long episodes."
 
 
 def _end(curve: Curve) -> Curve:

@@ -17,7 +17,7 @@ def verdict(found: Robust) -> str:
     ours, plain = by_name.get(found.ours), by_name[PLAIN]
     longer, uniform = by_name.get(LONGER), by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
-        return "Not decided yet: `eureka robust DIR` goes on with it."
+        return "Not decided yet: `eureka robust DIR` continues it."
     control, others = plain, [f"{number(plain.hard)} before"]
     if longer is not None and longer.hard is not None:
         control = longer
@@ -28,7 +28,7 @@ def verdict(found: Robust) -> str:
         others.insert(-1, f"{number(uniform.hard)} with uniform ranges")
     more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))
     between = f"F {number(ours.hard)} against {', '.join(others)}"
-    nominal = f"In its own world: {scored(ours.nominal)} against {scored(plain.nominal)} before."
+    nominal = f"In the task's own world: {scored(ours.nominal)} against {scored(plain.nominal)} before."
     broken = f" But it breaks a limit of the run: {ours.breach}." if ours.breach else ""
     if more is None or more.low is None:
         return f"Not decided in hard worlds: {between}. {nominal}{broken}"
@@ -49,15 +49,15 @@ def arms(found: Robust) -> Table:
         for arm in found.arms
     ]
     note = (
-        "F is a mean over hard worlds, which no model was shown. Proposals are chosen on "
-        "start states of their own; what is held out was seen by nobody."
+        "F is a mean over hard worlds, which no model was shown. Proposals are chosen on separate start states; "
+        "held-out scores use start states that nothing was chosen by."
     )
     titles = (
-        "ranges",
-        "what worlds are drawn from",
-        "F, chosen by",
+        "policy",
+        "ranges of its training worlds",
+        "F in hard worlds, for choosing",
         "F in hard worlds, held out",
-        "F in its own world",
+        "F in the task's own world",
     )
     return Table(titles, rows, note)
 

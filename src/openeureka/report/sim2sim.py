@@ -130,9 +130,7 @@ def play(controller: Controller, command: Sequence[float], seconds: float, view:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--command", type=float, nargs="*", help="what it is told to do; 1 and zeros where nothing is said"
-    )
+    parser.add_argument("--command", type=float, nargs="*", help="the command to follow; by default 1 and zeros")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--view", action="store_true", help="in a window")
     options = parser.parse_args()

@@ -22,11 +22,11 @@ from .view import RunView
 MOST_REWARDS = 4
 """Most given rewards in the head of a run; the table below holds all."""
 SCALE = (
-    "0 is as good as the sparse reward, 1 as the human one; none where the sparse one is no worse, or where it is not "
-    "decided which of the two rewards is better."
+    "0 is as good as the sparse reward, 1 as the human one. There is none where the sparse reward is no worse than the "
+    "human one, or where it is not decided whether the generated or the human reward is better."
 )
 """How to read a human-normalised score, and where `on_scale` has none."""
-NOISY = "as all episodes begin alike, actions have the noise of training"
+NOISY = "actions keep the noise of training, because all episodes start alike"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +112,9 @@ def search(run: RunView) -> Table:
     highest, crowned = run.ranking.best, run.best
     trained = {f"highest, {highest.sample.place}": highest.result} if highest is not None else {}
     if highest is not None and crowned is not None and crowned.place != highest.sample.place:
-        trained[f"what won in the end, {crowned.place}"] = crowned.result
+        trained[f"winner, {crowned.place}"] = crowned.result
     trained |= {f"{name} reward": result for name, result in run.baselines.items()}
-    note = "One training each. The best of many tries flatters: only the final scores compare rewards."
+    note = "One training each. The best of many tries looks better than it is: compare rewards by the final scores."
     if run.ranks == "training":
         rows = [(name, number(result.fitness if result else None)) for name, result in trained.items()]
         return Table(("during the search", "F, maximum over training"), rows, note)
@@ -161,7 +161,7 @@ def given(run: RunView) -> Table:
             )
         )
     titles = ("reward", "F in training", "F held out", "episode length", "correlation", "steps", "time", "score")
-    return Table(titles, rows, f"{note} Held out, {NOISY}." if run.noisy else note)
+    return Table(titles, rows, f"{note} Held out: {NOISY}." if run.noisy else note)
 
 
 def polished(run: RunView, found: Polished) -> Table:
@@ -169,7 +169,7 @@ def polished(run: RunView, found: Polished) -> Table:
     began, held_out = run.lanes.get(found.began.lane), scored(found.before)
     own = _reward(run, began.reward) if began is not None else "-"
     rows = [
-        ("that of the best reward, where all began", own, "-", scored(run.played.get(found.began.lane)), held_out),
+        ("the best reward's, from which all started", own, "-", scored(run.played.get(found.began.lane)), held_out),
         *(
             (one.lane.id, *_carried(run, one), scored(found.after) if one == found.chosen else "-")
             for one in found.tries
@@ -177,11 +177,11 @@ def polished(run: RunView, found: Polished) -> Table:
     ]
     steps = max((one.result.env_steps for one in found.tries if one.result is not None), default=0)
     note = (
-        f"Each lane took {steps:,} steps, from that policy's weights mixed with a share of fresh ones. The one that "
-        "plays best and that policy are compared in episodes that chose neither. ± is the standard error over episodes "
-        "of one policy, as it is: nothing here says how good a reward is."
+        f"Each lane trained for {steps:,} steps, from that policy's weights mixed with a share of fresh weights. The "
+        "lane that plays best is compared with that policy in new episodes. ± is the standard error over episodes of "
+        "a single policy: it says nothing about how good a reward is."
     )
-    note += f" Held out, {NOISY}." if run.noisy else ""
+    note += f" Held out: {NOISY}." if run.noisy else ""
     return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
 
 
@@ -208,7 +208,7 @@ def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
         human, sparse = mean(known.human.held_out), mean(known.sparse.held_out)
         origin = f" {known.sentence()}"
     if human is not None and human == sparse:
-        text = f"No score: the human and the sparse reward both reach F {number(human)} held out, which makes no scale."
+        text = f"No score: the human and the sparse reward both reach F {number(human)} held out, so there is no scale."
     return (human, sparse), text + origin
 
 
@@ -236,14 +236,14 @@ def exploits(run: RunView) -> Table:
     """The signs of an exploited reward that were looked for, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
     looked = worlds(run).rows and any(UNTRAINED in lane.tryouts for lane in run.tried)
-    unseen = {Kind.FRAGILITY: "not seen" if looked else "not looked at"}
+    unseen = {Kind.FRAGILITY: "not seen" if looked else "not checked"}
     rows = [
         (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))
         for kind in Kind
         if (kind is not Kind.LIMITS or run.config.cost_limits) and (kind is not Kind.PHYSICS or kind in found)
     ]
     before = ", before numbers were fitted" if run.fitted is not None else ""
-    note = f"Signs of reward hacking in the final trainings{before}; a sign is no proof."
+    note = f"Signs of reward hacking in the final trainings{before}; a sign is not proof."
     return Table(("sign", "result", "numbers"), rows, note)
 
 
@@ -253,12 +253,12 @@ def worlds(run: RunView) -> Table:
         (name, scored(score))
         for lane in run.tried
         if any(score.episodes + score.lost for name, score in lane.tryouts.items() if name in WORLDS)
-        for name, score in {"as the task has it": lane.held_out, **lane.tryouts}.items()
+        for name, score in {"unchanged": lane.held_out, **lane.tryouts}.items()
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
     ]
     fitted = run.fitted is not None
     whose = "the winner's policy, before its numbers were fitted" if fitted else "the policy in best/"
-    note = f"Of one policy, {whose}. It was picked from several seeds: its F is above their mean. "
+    note = f"One policy: {whose}. It was picked as the best of several seeds, so its F is above their mean. "
     note += "± here: standard error over episodes."
     return Table(("world", f"F of {whose}, held out"), rows, note)
 
@@ -331,7 +331,7 @@ def _said(remark: Remark) -> str:
         case RemarkKind.VOTE:
             return f"[{remark.place} is better than {remark.over}]"
         case RemarkKind.GO:
-            return "[go on]"
+            return "[go]"
     return f"[{remark.kind}: {remark.place}]"
 
 

@@ -30,8 +30,8 @@ def verdict(run: RunView) -> str:
     scores = [*run.played.values(), *run.evaluations.values()]
     if scores and all(score.lost and not score.episodes for score in scores):
         return (
-            "No policy has a score: every episode that was played ended at a reward, an observation or physics that is "
-            "not finite."
+            "No policy has a score: every episode that was played ended because a reward, an observation or the "
+            "physics was not finite."
         )
     if run.searched:
         return _of_search(run)
@@ -41,24 +41,22 @@ def verdict(run: RunView) -> str:
 def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than the original ones."""
     if found is not None and found.alone:
-        return (
-            f"The numbers stay as they came: no other weighting trained to a policy that could be scored.{_lost(found)}"
-        )
+        return f"The numbers stay unchanged: no other weighting left a policy that could be scored.{_lost(found)}"
     if found is None or not found.judged or not found.after:
         return "Not decided yet: the final trainings are not done."
     before, after = found.finals[ORIGINAL], found.finals[found.after]
     if not before.scores or not after.scores:
-        which = "before" if not before.scores else "after"
-        return f"Not decided: with the numbers {which}, no final training left a policy that could be scored."
+        which = "original" if not before.scores else "tuned"
+        return f"Not decided: with the {which} numbers, no final training left a policy that could be scored."
     if found.breach:
-        return f"The numbers stay as they came: the policies of the tuned ones break a limit, {found.breach}."
+        return f"The numbers stay unchanged: policies of the tuned ones break a limit, {found.breach}."
     between = f"F {_mean_of(after)} against {_mean_of(before)}, held out"
     if found.breach_before:
-        return f"The tuned numbers win: the policies of those before break a limit, {found.breach_before}; {between}."
+        return f"The tuned numbers win: policies of the original ones break a limit, {found.breach_before}; {between}."
     difference = found.difference
     if difference is None:
         return f"Not decided: {between}. {_one_seed(before, after)}"
-    told = decided(difference, "The tuned numbers are {} than those before", between)
+    told = decided(difference, "The tuned numbers are {} than the original ones", between)
     return told if difference.sure else f"{told} {_needed(difference)}"
 
 
@@ -76,18 +74,18 @@ def _lost(found: Tuned) -> str:
 def of_polishing(found: Polished) -> str:
     """Whether carrying the best policy on made a better one."""
     if found.best is None:
-        return "Not decided yet: the policies that were carried on are not judged."
+        return "Not decided yet: the policies that trained further are not judged."
     if found.chosen is None or found.after is None or found.after.fitness is None:
-        return "Carrying the policy on left none that could be scored: the one in best/ is the best."
+        return "Further training left no policy that could be scored: the one in best/ stays the best."
     if found.breach and not found.better:
-        return f"The policy stays as it was: the one that was carried on breaks a limit, {found.breach}."
-    between = f"F {scored(found.after)} against {scored(found.before)} of the policy it began from, held out"
+        return f"The policy in best/ stays the best: the one that trained further breaks a limit, {found.breach}."
+    between = f"F {scored(found.after)} against {scored(found.before)} of the policy it started from, held out"
     if found.better and found.breach_before and not found.breach:
-        return f"The policy carried on wins: the one it began from breaks a limit, {found.breach_before}; {between}."
+        return f"The policy that trained further wins: the one before breaks a limit, {found.breach_before}; {between}."
     gain, both = found.gain, f" Both break a limit: {found.breach}." if found.breach else ""
     if gain is None or gain.low is None:
         return f"Not decided: {between}.{both}"
-    return decided(gain, "The policy carried on is {}", between) + both
+    return decided(gain, "The policy that trained further is {}", between) + both
 
 
 def _of_given(rewards: Mapping[str, SeedScores]) -> str:
@@ -103,7 +101,7 @@ def _of_given(rewards: Mapping[str, SeedScores]) -> str:
     between = f"F {_mean_of(best)} against {_mean_of(next_)}, held out"
     found = _of_two(rewards, ordered[0], ordered[1])
     if found is None:
-        return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
+        return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing about the next."
     unless = f"Not decided between {ordered[0]} and {ordered[1]}"
     told = decided(found, f"{ordered[0]} is {{}} than {ordered[1]}", between, unless)
     return told if found.sure else f"{told} {_needed(found)}"
@@ -131,7 +129,7 @@ def _of_search(run: RunView) -> str:
     if not generated.scores:
         return "The generated reward lost: none of its final trainings left a policy that could be scored."
     if not human.scores:
-        lost = "of the human reward's, none left a policy that could be scored"
+        lost = "no final training of the human reward left a policy that could be scored"
         without = lost if human.held_out else "there is no human reward to compare with"
         return f"The generated reward reaches F {_mean_of(generated)}, held out; {without}."
     if outcome.same:
@@ -139,7 +137,7 @@ def _of_search(run: RunView) -> str:
     between = f"F {_mean_of(generated)} against {_mean_of(human)}, held out"
     found = outcome.difference
     if found is None and run.known is not None and len(human.scores) < 2:
-        return f"Not decided: {between}. The human one was measured with one seed; baselines=train trains it as often."
+        return f"Not decided: {between}. The human one was measured with one seed; baselines=train uses as many."
     if found is None:
         return f"Not decided: {between}. {_one_seed(generated, human)}"
     told = decided(found, "The generated reward is {} than the human one", between)
@@ -154,9 +152,9 @@ def limits_reason(run: RunView) -> str:
     nearest = run.ranking.nearest
     if nearest is not None:
         broke = breach(nearest.played, limits)
-        return f"No reward won: every policy breaks a limit. The nearest is {nearest.sample.place}: {broke}."
+        return f"No reward won: every policy breaks a limit. The closest is {nearest.sample.place}: {broke}."
     if run.ranking.best is not None:
-        return "No reward won: trained again with fresh seeds, every one of the best breaks a limit."
+        return "No reward won: trained again with fresh seeds, each of the best breaks a limit."
     return ""
 
 
@@ -167,11 +165,11 @@ def none_found(run: RunView) -> str:
     if not run.searched or run.best is not None or len(done) < run.config.generations or limits_reason(run):
         return ""
     if any(entry.score is not None for entry in run.ranking.vetoed):
-        return "No reward was found: every one that has a score was rejected."
+        return "No reward was found: a person vetoed every one that has a score."
     entries = [entry for generation in reversed(done) for entry in generation.entries]
     findings = ((entry.sample.place, finding) for entry in entries for finding in entry.sample.verdict.findings)
-    told = next((f" The newest: {place}: {finding.sentence()}." for place, finding in findings), "")
-    return f"No reward was found: of {len(entries)} slots none left a policy with a score.{told}"
+    told = next((f" The latest is {place}: {finding.sentence()}." for place, finding in findings), "")
+    return f"No reward was found: none of {len(entries)} slots left a policy with a score.{told}"
 
 
 def meaning(run: RunView) -> str:
@@ -199,7 +197,7 @@ def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tu
         return [(command_line("show", directory), "what became of each reply")]
     refining = bool(run.config.tune or run.config.polish) and not run.ended
     if unfinished or (run.searched and (run.outcome is None or refining)):
-        return [(command_line("resume", directory), "go on where it was")]
+        return [(command_line("resume", directory), "continue where it stopped")]
     if not kept:
         return []
     found, command, left = run.polished, deciding(run, directory), _left_open(run, directory)
@@ -273,7 +271,7 @@ def _mean_of(own: SeedScores) -> str:
 def _one_seed(*rewards: SeedScores) -> str:
     """What to do where a reward has the score of one seed alone."""
     lost = any(len(own.held_out) > len(own.scores) for own in rewards)
-    return "One seed says nothing of the next" + ("." if lost else "; seeds=3 would say more.")
+    return "One seed says nothing about the next" + ("." if lost else "; seeds=3 would say more.")
 
 
 def decided(found: Difference | Estimate, claim: str, between: str, unless: str = "Not decided") -> str:

@@ -83,7 +83,7 @@ def expect_known(env: str, who: str, way: str) -> None:
     message says `who` names it, and the `way` to agree."""
     if unknown(RunConfig(env=env)):
         raise ConfigError(
-            f"{who} names env={env}, which is not an installed task and was never typed here. It runs with your "
+            f"{who} names env={env}, which is not an installed task and was never typed here. Its code runs with your "
             f"rights; if you know where it comes from, {way}."
         )
 

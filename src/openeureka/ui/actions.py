@@ -44,13 +44,13 @@ class Launcher:
             StoreError: where the folder cannot be written.
         """
         if is_run(self._root):
-            raise ConfigError("This page is about one run; call `eureka ui` with the folder that holds it.")
+            raise ConfigError("This page shows a single run; to start others, call `eureka ui` with its parent folder.")
         words = [f"{key}={form[key].strip()}" for key in SETTINGS if form.get(key, "").strip()]
         config = parse(RunConfig, words)
         if not registry.installed(config.env):
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
         if not is_plain(config.model):
-            raise ConfigError(f"`{config.model}` is not a model that can be asked from here; use `eureka run`.")
+            raise ConfigError(f"`{config.model}` is not a model that can be used from here; use `eureka run`.")
         registry.get(config.env)
         devices(config.device)
         expect(config)
@@ -62,7 +62,7 @@ class Launcher:
     def resume(self, directory: Path) -> None:
         """Continue a search as `eureka resume` does. Raises StoreError when a process works on it."""
         if is_held(directory):
-            raise StoreError(f"The run in {directory} is at work already.")
+            raise StoreError(f"The run in {directory} is already running.")
         self._eureka(["resume", str(directory.absolute())], directory)  # `lr=3` alone would be a setting
 
     def _eureka(self, words: Sequence[str], directory: Path) -> None:

@@ -343,7 +343,7 @@ async def _entrance(request: Request) -> Response:
 
 async def _lost(_: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    said = error.detail if error.detail != HTTPStatus.NOT_FOUND.phrase else "No page has this address."
+    said = error.detail if error.detail != HTTPStatus.NOT_FOUND.phrase else "There is no page at this address."
     return HTMLResponse(pages.lost(said), error.status_code)
 
 

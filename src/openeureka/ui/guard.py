@@ -77,9 +77,9 @@ class _Gate:
             if urlsplit(request.headers.get("origin", "")).netloc != request.headers.get("host"):
                 return PlainTextResponse("Only a page of `eureka ui` itself may send this.", 403)
             if not request.headers.get("content-length", "").isdecimal():
-                return PlainTextResponse("The length of what is sent must be said.", 411)
+                return PlainTextResponse("The request must state its content length.", 411)
             if int(request.headers["content-length"]) > MAX_BODY:
-                return PlainTextResponse("This is more than a form may hold.", 413)
+                return PlainTextResponse("This form is too large.", 413)
         return None
 
     def _knows(self, said: bytes) -> bool:

@@ -92,7 +92,7 @@ def now(directory: Path, run: RunView, name: str = "") -> Parts:
     entry, tiles = folder.entry(name, directory), tables.tiles(run)
     if told is not None:
         left = f"about {duration(told.left)} of search left" if told.left is not None else ""
-        tiles.append(tables.Tile("at work", duration(told.seconds), left))
+        tiles.append(tables.Tile("running", duration(told.seconds), left))
     return {
         "head": piece.head(entry, html.intent(run.config.env)),
         "numbers": piece.numbers(entry, tiles),
@@ -171,7 +171,7 @@ def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: 
 def unreadable(directory: Path, name: str, problem: str) -> Parts:
     """A run that cannot be shown, such as one that was started but has no store yet, or works on another machine."""
     if not is_run(directory):
-        problem = "The run has not begun; what it printed so far says why."
+        problem = "The run has not started; its output below says why."
     piece, state = _pieces(run=None), folder.entry(name, directory).state
     head = {"head": piece.title(name, state)} if name else {}
     return {**head, "problem": piece.problem(problem), "now": "", "log": piece.log(folder.log(directory), True)}
@@ -185,7 +185,7 @@ def from_afar(directory: Path) -> Parts:
 
 def vanished() -> Parts:
     """The only part of an open page whose run has been deleted."""
-    return {"problem": _pieces(run=None).problem("There is no such run any more.")}
+    return {"problem": _pieces(run=None).problem("This run no longer exists.")}
 
 
 def _places(run: RunView) -> dict[str, str]:

@@ -70,8 +70,8 @@ class Players:
                 yield _event("end", str(refused))
             except (WorkerDied, WorkerTimeout, ValueError):  # ValueError: closed because another one began
                 ours = self._playing.get(key) is player
-                why = player.ending() or "It ended by itself, or took too long." if ours else "Another one began."
-                yield _event("end", f"It plays no more. {why}")
+                why = player.ending() or "Its process ended, or took too long." if ours else "Another one was started."
+                yield _event("end", f"The policy has stopped. {why}")
             finally:
                 if self._playing.get(key) is player:
                     del self._playing[key]

@@ -23,7 +23,7 @@ def serve(root: Path, host: str, port: int) -> None:
     token = secrets.token_urlsafe(24)
     with listen(host, port) as listener:
         print(f"Open http://{guard.USER}:{token}@{called(host)}:{listener.getsockname()[1]}{app.ENTRANCE}")
-        print("Ctrl-C ends the page; runs go on.", flush=True)
+        print("Press Ctrl-C to close the page; runs continue.", flush=True)
         serving = server(root, token, names(host))
         try:
             serving.run(sockets=[listener])
@@ -56,7 +56,9 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
-        raise ConfigError(f"No page at {host}:{port}: {error.strerror}; choose another host= or port=.") from None
+        raise ConfigError(
+            f"Cannot serve the page at {host}:{port}: {error.strerror}; choose another host= or port=."
+        ) from None
 
 
 def names(host: str) -> tuple[str, ...]:

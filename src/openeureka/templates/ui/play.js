@@ -240,7 +240,7 @@ function play(panel) {
 
   const begin = () => {
     start.textContent = "Stop";
-    said.textContent = "Its world is being built.";
+    said.textContent = "Building its world.";
     // A canvas keeps the context it had: each start gets a new one.
     const old = panel.querySelector("canvas"), canvas = old.cloneNode();
     old.replaceWith(canvas);
@@ -256,7 +256,7 @@ function play(panel) {
       }
       turnable(scene);
       scale();
-      said.textContent = "Drag to turn it.";
+      said.textContent = "Drag to turn the view.";
     });
     source.addEventListener("frame", ({ data }) => {
       if (!source) return;
@@ -266,18 +266,18 @@ function play(panel) {
       panel.dataset.frames = Number(panel.dataset.frames ?? 0) + 1;
     });
     source.addEventListener("end", ({ data }) => end(JSON.parse(data)));
-    source.onerror = () => end(scene ? "It plays no more." : "It did not begin: its policy, or the server, is not there any more.");
+    source.onerror = () => end(scene ? "The policy has stopped." : "It could not start: its policy or the server is gone.");
   };
 
   panel.addEventListener("click", ({ target }) => {
     const wish = target.dataset.do;
-    if (wish === "start") { if (source) end("Its policy at work in 3-D. Push it, change its world."); else begin(); }
+    if (wish === "start") { if (source) end("Watch its policy in 3-D, push it, change its world."); else begin(); }
     if (wish === "push") tell({ do: "push", speed: value("speed"), angle: target.dataset.angle });
     if (wish === "restart") tell({ do: "restart" });
   });
   panel.addEventListener("input", ({ target }) => { target.parentElement.querySelector("b").textContent = target.value; });
   panel.addEventListener("change", ({ target }) => { if (target.name !== "speed") scale(); });
-  document.addEventListener("visibilitychange", () => { if (document.hidden && source) end("It stopped while nobody looked."); });
+  document.addEventListener("visibilitychange", () => { if (document.hidden && source) end("Stopped while this tab was hidden."); });
   addEventListener("pagehide", () => source?.close());
 }
 
