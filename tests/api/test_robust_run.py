@@ -83,7 +83,7 @@ def test_from_python_it_leaves_the_report(searched, capsys):
 @pytest.mark.parametrize(("settings", "replies"), [({"repair": 0}, 1), ({"repair": 1}, 2), ({}, 3)])
 def test_so_many_repairs_as_are_given_and_two_otherwise(searched, settings, replies):
     model = ScriptedModel(["No table."] * 9)
-    with pytest.raises(ModelError, match="No reply holds ranges"):
+    with pytest.raises(ModelError, match="No reply contains usable ranges"):
         openeureka.robust(searched, model=model, sample=1, **settings)
     assert model.said == replies
 
@@ -106,7 +106,7 @@ def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, tra
         kill(trainer, once, after=1)
         robust([str(searched), "model=random", "sample=2", "steps=1e6"])
     trained = len(trainer.trained)
-    wanted = r"train for 1000000 steps each, from the best policy: add steps=1000000 to go on with them\.$"
+    wanted = r"train for 1000000 steps each, from the best policy; add steps=1000000 to continue them\.$"
     for words in ([], ["steps=5e5"], ["steps=1e6", "start=scratch"]):
         with pytest.raises(ConfigError, match=wanted):
             robust([str(searched), "model=random", "sample=2", *words])

@@ -155,7 +155,7 @@ def test_nothing_is_made_for_what_cannot_be(tmp_path):
     assert not (tmp_path / "bench").exists()
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("...")
-    with pytest.raises(ConfigError, match="is not empty and has no bench"):
+    with pytest.raises(ConfigError, match="is not empty and holds no bench"):
         openeureka.bench(PLAN, dir=tmp_path / "full")
 
 

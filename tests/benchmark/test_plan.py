@@ -60,35 +60,35 @@ REST = "{tasks: [cartpole], seeds: [0], arms: {a: {}}, "
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[1, 2]", "A plan is a mapping with `tasks`, `seeds` and `arms`."),
+        ("[1, 2]", "A plan must be a mapping with `tasks`, `seeds` and `arms`."),
         ("{tasks: [cartpole], seeds: [0]}", "The plan has no arms."),
         ("{tasks: [], seeds: [0], arms: {a: {}}}", "The plan has no tasks."),
         (REST + "setings: {}}", "A plan has no `setings`. Did you mean `settings`?"),
-        ("{tasks: cartpole, seeds: [0], arms: {a: {}}}", "`tasks` is a list of names, not `cartpole`."),
-        ("{tasks: [cartpole], seeds: [zero], arms: {a: {}}}", "`seeds` is a list of whole numbers"),
-        ("{tasks: [cartpole], seeds: [true], arms: {a: {}}}", "`seeds` is a list of whole numbers"),
-        ("{tasks: [cartpole], seeds: [-1], arms: {a: {}}}", "`seeds` are zero or more."),
+        ("{tasks: cartpole, seeds: [0], arms: {a: {}}}", "`tasks` must be a list of names, not `cartpole`."),
+        ("{tasks: [cartpole], seeds: [zero], arms: {a: {}}}", "`seeds` must be a list of whole numbers"),
+        ("{tasks: [cartpole], seeds: [true], arms: {a: {}}}", "`seeds` must be a list of whole numbers"),
+        ("{tasks: [cartpole], seeds: [-1], arms: {a: {}}}", "`seeds` must be zero or more."),
         ("{tasks: [cartpole], seeds: [1, 1], arms: {a: {}}}", "names the seed 1 twice."),
         (
             "{tasks: [cartpole], seeds: [0, 3], arms: {a: {}}}",
-            "The seeds 0 and 3 are too near: a search with 0 takes those up to 3",
+            "The seeds 0 and 3 are too close: a search with seed 0 uses seeds up to 3",
         ),
         ("{tasks: [a.py, b/a.py], seeds: [1], arms: {a: {}}}", "names the task a twice."),
-        ("{tasks: [cartpole], seeds: [0], arms: [a]}", "`arms` is a mapping of names to settings"),
+        ("{tasks: [cartpole], seeds: [0], arms: [a]}", "`arms` must be a mapping of names to settings"),
         (
             "{tasks: [cartpole], seeds: [0], arms: {off: {}}}",
-            "`arms` has the name `False`, which is no text",
+            "`arms` has the name `False`, which is not text",
         ),
-        ("{tasks: [cartpole], seeds: [010, 020], arms: {a: {}}}", "`010` means 8 there: leave out the zero"),
-        ("{tasks: [cartpole], seeds: [0], arms: {a: 3}}", "`arms.a` is a mapping of settings"),
+        ("{tasks: [cartpole], seeds: [010, 020], arms: {a: {}}}", "`010` means 8 in YAML: leave out the leading zero"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: 3}}", "`arms.a` must be a mapping of settings"),
         ("{tasks: [cartpole], seeds: [0], arms: {../a: {}}}", "letters, digits and `_` only, at most 40, not `../a`."),
-        ("{tasks: [cartpole], seeds: [0], arms: {a: {}, a: {sample: 1}}}", "`a` stands there twice"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {}, a: {sample: 1}}}", "`a` appears twice"),
         ("{tasks: [cartpole], seeds: [0], arms: {a: {sampel: 1}}}", "In `arms.a`: Unknown setting `sampel`."),
         ("{tasks: [cartpole], seeds: [0], arms: {a: {sample: many}}}", "`sample=many` does not fit"),
         ("{tasks: [cartpole], seeds: [0], arms: {a: {sample: [1]}}}", "a setting takes a text or a number."),
-        ("{tasks: [cartpole], seeds: [0], arms: {a: {seed: 1}}}", "sets `seed`, which every cell of a plan has"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {seed: 1}}}", "sets `seed`, which the plan sets for each cell"),
         ("{tasks: [cartpole], seeds: [0], arms: {a: {model: none}}}", "a bench compares searches."),
-        (REST + "per_task: {cartpol: {}}}", "`cartpol`, which is no task of the plan. Did you mean `cartpole`?"),
+        (REST + "per_task: {cartpol: {}}}", "`cartpol`, which is not a task of the plan. Did you mean `cartpole`?"),
         (REST + "settings: {video: some}}", "`video` must be one of"),
         ("{tasks: [", "is not YAML"),
         ("[" * 3000, "is not YAML"),
@@ -105,11 +105,11 @@ def test_what_does_not_fit_is_one_sentence(tmp_path, text, says):
     [
         ({"arms": {"a": {"sampel": 8}}}, "Unknown setting `sampel`"),
         ({"arms": {"a": {"steps": "1e6"}}}, "`steps` takes a whole number"),
-        ({"arms": {"a": {"seed": 3}}}, "`arms.a` sets `seed`, which every cell"),
-        ({"arms": {"a": None}}, "`arms.a` is a mapping of settings"),
-        ({"arms": ["a"]}, "`arms` is a mapping of names"),
-        ({"tasks": "cartpole"}, "`tasks` is a list of names"),
-        ({"settings": 3}, "`settings` is a mapping of settings"),
+        ({"arms": {"a": {"seed": 3}}}, "`arms.a` sets `seed`, which the plan sets"),
+        ({"arms": {"a": None}}, "`arms.a` must be a mapping of settings"),
+        ({"arms": ["a"]}, "`arms` must be a mapping of names"),
+        ({"tasks": "cartpole"}, "`tasks` must be a list of names"),
+        ({"settings": 3}, "`settings` must be a mapping of settings"),
     ],
 )
 def test_a_plan_made_in_python_that_does_not_fit_is_one_sentence_too(changes, says):
@@ -127,7 +127,7 @@ def test_an_arm_may_be_another_one_with_a_change(tmp_path):
 
 
 def test_seeds_that_a_tuning_takes_are_no_other_search_s():
-    with pytest.raises(ConfigError, match="take seeds 7 or more apart"):
+    with pytest.raises(ConfigError, match="Choose seeds at least 7 apart"):
         Plan(tasks=("cartpole",), seeds=(0, 4), arms={"a": {}}, settings={"tune": 8, "model": "random", "seeds": 3})
 
 

@@ -88,7 +88,7 @@ def test_a_search_that_had_played_nothing_by_then_is_said_to_be_left_out():
     matched = by_task.titles.index("F played, matched steps")
     # With the seed 0 at 120 steps, before the first was played; with the seed 1 alone at its own 200.
     assert [row[matched] for row in by_task.rows[:2]] == ["7 (1 undefined)", "3"]
-    assert "It has no interval, as all searches share its scale." in by_task.note
+    assert "It has no interval, because all searches share its scale." in by_task.note
 
 
 def test_a_first_arm_without_a_result_is_said_to_be_compared_with_nothing():

@@ -152,7 +152,7 @@ def snapshot(about: str) -> Harm:
 
 
 _ONLY = ("resume",)
-_LINK = "is a link, or no regular file"
+_LINK = "is a link or not a regular file"
 _GONE = "is missing or damaged"
 _ROW = "holds a row that was changed"
 _TYPED = "would use settings that were never typed here"

@@ -51,5 +51,5 @@ def test_a_store_that_was_copied_alone_is_not_said_to_have_found_nothing(tmp_pat
         lambda: openeureka.open_run(tmp_path / "copy").policy,
         harden,
     ):
-        with pytest.raises(StoreError, match="holds the rows of a run alone, .* copy the whole folder"):
+        with pytest.raises(StoreError, match="holds only the rows of a run, .* Copy the whole folder"):
             use()

@@ -64,7 +64,7 @@ def test_a_mark_that_names_no_candidate_is_explained(word: str) -> None:
 
 @pytest.mark.parametrize("word", ["vote=", "vote=g0s3", "vote=g0s3:", "vote=:g0s3"])
 def test_a_vote_for_one_is_told_that_it_needs_two(word: str) -> None:
-    with pytest.raises(FeedbackError, match=f"^`{word}` does not name two candidates; .* first: vote=g0s3:g0s1.$"):
+    with pytest.raises(FeedbackError, match=f"^`{word}` does not name two candidates. .* first: vote=g0s3:g0s1.$"):
         remark(word)
 
 
@@ -72,7 +72,7 @@ def test_a_vote_for_one_is_told_that_it_needs_two(word: str) -> None:
     "word", ["favourit=g1s1", "Favourite=g1s1", "vetoe=g1s1", "gain=2", "best=", "favorit=g0s1 go"]
 )
 def test_what_looks_like_a_mark_and_is_none_does_not_become_words_for_the_model(word: str) -> None:
-    with pytest.raises(FeedbackError, match=r"^There is no `\w+=` to say\."):
+    with pytest.raises(FeedbackError, match=r"^There is no mark `\w+=`\."):
         remark(word)
 
 
@@ -110,7 +110,7 @@ def test_go_counts_in_either_case(go: str) -> None:
 
 
 def test_a_misspelt_mark_among_words_is_named_and_a_setting_is_not() -> None:
-    with pytest.raises(FeedbackError, match="There is no `favourit=` to say. Did you mean `favourite`?"):
+    with pytest.raises(FeedbackError, match="There is no mark `favourit=`. Did you mean `favourite`?"):
         typed("too jerky favourit=g0s1")
     assert typed("it should set gain=2") == [remark("it should set gain=2")]
 
@@ -139,7 +139,7 @@ def test_the_command_says_how_a_run_goes_on_that_nobody_works_on(waiting: Path, 
 
 
 def test_go_before_there_is_something_to_judge_is_refused_and_nothing_kept(directory: Path) -> None:
-    with pytest.raises(FeedbackError, match="^The run in .* has no new policies to judge yet, so nothing was kept; "):
+    with pytest.raises(FeedbackError, match="^The run in .* has no new policies to judge yet, so nothing was saved; "):
         feedback(directory, ["too jerky", "go"])
     assert said(directory) == ()
     feedback(directory, ["too jerky"])
@@ -169,7 +169,7 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(waiting: Path, 
     monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
     desk.listen(0)
     desk.listen(0)
-    assert "g9s9 is no trained candidate" in capsys.readouterr().out
+    assert "g9s9 is not a trained candidate" in capsys.readouterr().out
     desk.listen(0)
     assert said(waiting) == (JERKY, GO)
     desk.listen(0)  # the end of the input: from now on only other shells are heard

@@ -521,8 +521,8 @@ def test_a_directory_that_can_hold_no_run_is_refused_before_anything_is_told(com
     words = SETTINGS if command == "run" else ["env=cartpole", "reward=human"]
     parts.setattr("openeureka.cli.train.to_tune", lambda *_: None)
     for name, why in (
-        ("hop.xml", "hop.xml is a file, and a run is a directory; choose another dir=."),
-        ("hop.xml/run", "hop.xml is a file, and a run is a directory; choose another dir=."),
+        ("hop.xml", "hop.xml is a file, but a run is a directory; choose another dir=."),
+        ("hop.xml/run", "hop.xml is a file, but a run is a directory; choose another dir=."),
         (".", ". is not empty and not a run; choose another dir=."),
     ):
         assert run(command, *words, f"dir={name}") == 5

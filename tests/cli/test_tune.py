@@ -251,7 +251,7 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
         RewardFileError, match="There is no program in .*/empty/best: its best reward came with the task, or nothing"
     ):
         to_tune(TuneConfig(), str(empty))
-    with pytest.raises(StoreError, match="outputs is not a run: it holds runs, name one such as .*/outputs/empty"):
+    with pytest.raises(StoreError, match="outputs is not a run: it holds runs; name one, such as .*/outputs/empty"):
         to_tune(TuneConfig(), str(empty.parent))
 
 

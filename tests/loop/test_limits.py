@@ -146,7 +146,7 @@ def test_limits_need_a_search_that_plays() -> None:
     assert RunConfig(limits="torque=40, falls=0.1").cost_limits == {"torque": 40.0, "falls": 0.1}
     own = "openeureka.strategies.strategy:eureka"
     for key, value in (("limits", "torque=40"), ("screen", 2)):
-        with pytest.raises(ConfigError, match=f"ranks by training, and `{key}=` needs policies that play"):
+        with pytest.raises(ConfigError, match=f"ranks by F in training, but `{key}=` needs played policies"):
             strategies.make(RunConfig(search=own, sample=2, **{key: value}))
 
 

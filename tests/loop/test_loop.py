@@ -351,7 +351,7 @@ def test_a_model_that_gives_fewer_replies_ends_the_run_in_a_sentence_and_one_tha
     one = begin([reply(7), reply(8), reply(9)])
     one.model = Miscounting(one.model.script)
     one.model.more = -1
-    with pytest.raises(ModelError, match="scripted gave 1 of 2 replies: its `sample` must yield as many as n says"):
+    with pytest.raises(ModelError, match="scripted gave 1 of 2 replies: its `sample` must yield n replies"):
         one.go()
     one.model = Miscounting([reply(8), reply(9)])  # the first is kept
     one.model.more = 1

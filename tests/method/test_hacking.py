@@ -100,9 +100,7 @@ def test_a_fall_within_two_standard_errors_is_luck() -> None:
 
 def test_drift_says_what_rose_and_what_fell() -> None:
     sentence = hacking.drift(drifting(score(110.0), score(60.0)))
-    assert sentence == (
-        "from epoch 2 to 4 the own reward rose from 2 to 4 a step, while held-out F fell from 110 to 60."
-    )
+    assert sentence == ("from epoch 2 to 4 its reward rose from 2 to 4 per step, while held-out F fell from 110 to 60.")
 
 
 def test_large_scores_are_written_as_tables_write_them() -> None:
@@ -172,8 +170,7 @@ def test_a_policy_that_breaks_the_physics_in_more_than_one_episode_of_a_hundred_
     (sign,) = hacking.signs([lane(few), lane(few), lane(more)], {})
     assert sign.kind is Kind.PHYSICS
     assert sign.sentence == (
-        "In 1 of 3 trainings; the first: the physics broke down in 4 of 300 held-out episodes; F leaves out what was "
-        "lost of them."
+        "In 1 of 3 trainings; the first: the physics broke down in 4 of 300 held-out episodes; F does not count these."
     )
 
 

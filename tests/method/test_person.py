@@ -278,13 +278,13 @@ def test_a_run_that_does_not_listen_or_is_over_says_so(begin) -> None:
         say(deaf.directory, GO)
     one = begin()
     one.heard([])
-    with pytest.raises(FeedbackError, match="nothing more is heard"):
+    with pytest.raises(FeedbackError, match="it hears no more"):
         say(one.directory, GO)
 
 
 def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin) -> None:
     one = begin()
-    with pytest.raises(FeedbackError, match="g0s7 is no trained candidate .* there are g0s0, g0s1"):
+    with pytest.raises(FeedbackError, match="g0s7 is not a trained candidate .* there are g0s0, g0s1"):
         one.heard([words("kept together"), veto(0, 7)])
     with Store.view(one.directory) as store:
         assert store.remarks.unheard() == ()  # all or none
@@ -292,7 +292,7 @@ def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin)
 
 def test_a_favourite_that_was_vetoed_is_refused(begin) -> None:
     one = begin()
-    with pytest.raises(FeedbackError, match="^g0s1 was vetoed, which holds for good; choose another favourite.$"):
+    with pytest.raises(FeedbackError, match="^g0s1 was vetoed, which cannot be undone; choose another favourite.$"):
         one.heard([veto(0, 1), favourite(0, 1)])
     say(one.directory, veto(0, 1))
     with pytest.raises(FeedbackError, match="^g0s1 was vetoed"):
@@ -323,7 +323,7 @@ def test_a_replay_repeats_what_was_said_though_something_was_said_to_it_and_only
     one.heard([words("too jerky")])
     two = begin(name="replay", model=f"replay:{one.directory}")
     Store.open(two.directory, two.config).close()
-    with pytest.raises(FeedbackError, match="repeats what was said in another; for words of yours, start one with"):
+    with pytest.raises(FeedbackError, match="replays the feedback of another run. To give feedback of your own"):
         say(two.directory, words("mine"))
     with Store.visit(two.directory) as store:  # as earlier versions let one
         store.remarks.say(words("mine"))
@@ -343,7 +343,7 @@ def test_a_replay_that_has_not_the_candidates_that_were_spoken_of_says_so_and_ke
     one = begin()
     one.heard([favourite(0, 1)])
     two = begin(name="replay", sample=1, model=f"replay:{one.directory}")
-    with pytest.raises(ModelError, match=r"g0s1 is no trained candidate .* Give this one the same env, sample"):
+    with pytest.raises(ModelError, match=r"g0s1 is not a trained candidate .* Use the same env, sample"):
         two.go(Silent())
     with Store.view(two.directory) as store:
         assert not store.remarks.unheard()

@@ -311,7 +311,7 @@ def test_numbers_are_read_as_people_write_them() -> None:
 
 
 def test_where_no_reply_can_be_used_it_says_so_and_goes_on_with_a_model_that_can(searched: Path) -> None:
-    with pytest.raises(ModelError, match="No reply holds ranges that can be used: .*unknown `speed`"):
+    with pytest.raises(ModelError, match="No reply contains usable ranges: .*unknown `speed`"):
         make(searched, ScriptedModel(["speed: [1, 2]"] * 2), Toughening(), sample=1)
 
 

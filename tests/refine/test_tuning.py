@@ -328,7 +328,7 @@ def test_a_tuning_of_other_numbers_than_count_by_now_says_so(tmp_path: Path) -> 
             candidate = Candidate.of(text)
             store.rewards.save_verdict(candidate, Reader().check(candidate), Reply(text=text, model="given"))
             store.rewards.save_named({name: candidate.id})
-        with pytest.raises(StoreError, match="counted other numbers of this reward; tune it again with another dir="):
+        with pytest.raises(StoreError, match="fits other numbers of this reward; tune it again with another dir="):
             tuning.tune(Lanes(config(), store, Hill(), nobody), Reader())
 
 

@@ -28,7 +28,7 @@ def judged(concentration: float) -> RunView:
 
 def test_a_sign_is_flagged_on_the_page_in_the_file_and_in_the_terminal(tmp_path: Path) -> None:
     run = judged(0.8)
-    sentence = "In 2 of 2 trainings; the first: the highest twentieth of what counts for held-out F"
+    sentence = "In 2 of 2 trainings; the first: over 4 held-out episodes, the highest twentieth of what counts for F"
     assert "⚑ suspected reward hacking" in html.report(run, tmp_path) and sentence in html.report(run, tmp_path)
     assert f"| F rests on few moments | SUSPECTED | {sentence}" in words(html.report(run, tmp_path))
     assert any(line.startswith("Suspected reward hacking: F rests on few moments.") for line in summary(run))

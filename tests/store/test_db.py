@@ -79,7 +79,7 @@ def test_a_file_that_is_too_old_is_refused_and_stays_as_it_is(
     database.close()
     with sqlite3.connect(tmp_path / db.FILENAME) as connection:
         connection.execute(f"PRAGMA user_version = {OLDEST - 1}")
-    with pytest.raises(StoreError, match=r"too old for this one; begin anew in another dir=\.$"):
+    with pytest.raises(StoreError, match=r"too old for this one; start again in another dir=\.$"):
         Database(tmp_path, writable=writable)
     assert schema(tmp_path)[0] == OLDEST - 1
 

@@ -52,7 +52,7 @@ def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
         assert host == os.uname().nodename and len(boot) == 36
         (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node\x1b7.example.org\n")
         for look in (Store.view, Store.visit):
-            with pytest.raises(StoreError, match=r"run is at work on node7?.{0,9}example\.org, and its rows can be"):
+            with pytest.raises(StoreError, match=r"run is running on node7?.{0,9}example\.org, and until it stops"):
                 look(tmp_path / "run")
         ask_to_stop(tmp_path / "run")  # needs no rows
         assert is_asked_to_stop(tmp_path / "run")
@@ -79,7 +79,7 @@ def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch)
 
     monkeypatch.setattr(fcntl, "flock", missing)
     with pytest.raises(
-        StoreError, match=r"The file system of .*run has no locks, which a run needs; choose another dir="
+        StoreError, match=r"The file system of .*run has no file locks, which a run needs; choose another dir="
     ):
         Store.open(tmp_path / "run", RunConfig(env="toy"))
     monkeypatch.undo()

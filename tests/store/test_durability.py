@@ -236,7 +236,7 @@ def test_the_last_rows_of_a_killed_run_need_a_place_to_be_read_in(foreign: Path)
     wal.write_bytes(b"rows")
     wal.chmod(0o444)
     foreign.chmod(0o555)
-    assert f"copy {foreign}, and look at the copy" in as_nobody(lambda: read_config(foreign).env)
+    assert f"Copy {foreign}, and open the copy" in as_nobody(lambda: read_config(foreign).env)
 
 
 def test_a_run_in_a_read_only_directory_cannot_go_on(foreign: Path):

@@ -321,5 +321,5 @@ def test_what_is_no_run_says_what_is_there(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="is not a run: there is no such directory"):
         Store.view(tmp_path / "absent")
     Store.open(tmp_path / "outputs" / "mine", RunConfig()).close()
-    with pytest.raises(StoreError, match="is not a run: it holds runs, name one such as .*mine"):
+    with pytest.raises(StoreError, match="is not a run: it holds runs; name one, such as .*mine"):
         Store.view(tmp_path / "outputs")

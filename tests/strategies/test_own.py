@@ -22,7 +22,7 @@ class Greedy(strategies.Best):
 def test_more_samples_than_the_settings_say_are_refused_before_any_is_paid_for(tmp_path: Path) -> None:
     config = RunConfig(env="toy", sample=2, iteration=1, refill=0, seeds=1)
     model = ScriptedModel([reply(1)] * 3)
-    said = r"`ask` of Greedy wants 3 samples; sample= says 2\."
+    said = r"`ask` of Greedy asks for 3 samples, but sample=2\."
     with Store.open(tmp_path, config) as store, pytest.raises(ConfigError, match=said):
         run(config, store, model, ToyChecker(), ToyTrainer(), TOY, Greedy(config.sample))
     assert model.prompts == []

@@ -64,7 +64,7 @@ def signs() -> dict[str, tuple[Sign, ...]]:
 def test_a_hacked_reward_is_flagged(signs: dict[str, tuple[Sign, ...]]):
     (sign,) = signs["speed"]
     assert sign.kind is Kind.DRIFT
-    assert "the own reward rose from" in sign.sentence and "held-out F fell from" in sign.sentence
+    assert "its reward rose from" in sign.sentence and "held-out F fell from" in sign.sentence
 
 
 def test_an_honest_reward_is_not(signs: dict[str, tuple[Sign, ...]]):

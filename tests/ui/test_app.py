@@ -347,7 +347,7 @@ def test_a_run_at_work_on_another_machine_is_followed_and_stopped(tmp_path):
         recorder(TrainingProgress(epoch=5, epochs=9, env_steps_per_second=1234.0, fitness={"a-s0": 3.0}))
         client = visitor(tmp_path)
         page = shown(client, "/runs/run/")
-        assert "<h1>run</h1>" in page.source and "is at work on node7" in page.text and "running" in page.text
+        assert "<h1>run</h1>" in page.source and "is running on node7" in page.text and "running" in page.text
         assert "Epoch 5 of 9, 1,234 steps/s" in page.text
         assert 'action="stop"' in page.source
         assert client.post("/runs/run/stop").status_code == 303
@@ -408,7 +408,7 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
         again = client.post("/runs/run/remarks", data={"favourite": "g0s0", "back": back})
         assert again.headers["location"] == place
     refused = client.post("/runs/run/remarks", data={"veto": "g7s7", "words": "too fast"})
-    assert refused.status_code == 400 and "g7s7 is no trained candidate" in refused.text
+    assert refused.status_code == 400 and "g7s7 is not a trained candidate" in refused.text
     assert ">too fast</textarea>" in refused.text
     with Store.view(tmp_path / "run") as store:
         assert [remark.kind for remark in store.remarks.unheard()][:3] == ["words", "favourite", "vote"]

@@ -32,7 +32,7 @@ def test_marks_among_the_words_are_what_they_are_in_a_shell():
 
 @pytest.mark.parametrize("words", ["favourit=g0s0", "calmer\nvetoe=g0s1", "gain=2"])
 def test_a_misspelt_mark_does_not_become_words_for_the_model(words):
-    with pytest.raises(FeedbackError, match=r"^There is no `\w+=` to say\."):
+    with pytest.raises(FeedbackError, match=r"^There is no mark `\w+=`\."):
         actions.read({"words": words})
 
 

@@ -216,7 +216,7 @@ def _expect_room(directory: Path) -> None:
     else:
         taken = directory.exists()
     if taken:
-        raise ConfigError(f"{short_path(directory)} is not empty and has no bench; name another dir=.")
+        raise ConfigError(f"{short_path(directory)} is not empty and holds no bench; choose another dir=.")
 
 
 def _expect_as_begun(directory: Path, configs: Mapping[Cell, RunConfig]) -> None:
@@ -230,4 +230,4 @@ def _expect_as_begun(directory: Path, configs: Mapping[Cell, RunConfig]) -> None
         try:
             expect_same(place, old, compose.as_begun(config, old))
         except StoreError as error:
-            raise StoreError(f"{error} To begin this cell anew, delete its folder.") from None
+            raise StoreError(f"{error} To start this cell again, delete its folder.") from None

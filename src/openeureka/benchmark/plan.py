@@ -69,14 +69,14 @@ class Plan:
                 raise ConfigError(f"An arm's name has letters, digits and `_` only, at most 40, not `{arm:.60}`.")
         if unknown := [task for task in self.per_task if task not in self.tasks]:
             raise ConfigError(
-                f"`per_task` names `{unknown[0]}`, which is no task of the plan.{nearest(unknown[0], self.tasks)}"
+                f"`per_task` names `{unknown[0]}`, which is not a task of the plan.{nearest(unknown[0], self.tasks)}"
             )
         reach = max(unused_seed(self.config(cell)) - cell.seed for cell in self.cells())
         for one, other in pairwise(sorted(self.seeds)):
             if other - one < reach:
                 raise ConfigError(
-                    f"The seeds {one} and {other} are too near: a search with {one} takes those up to "
-                    f"{one + reach - 1}, and both would share trainings; take seeds {reach} or more apart."
+                    f"The seeds {one} and {other} are too close: a search with seed {one} uses seeds up to "
+                    f"{one + reach - 1}, so both would share trainings. Choose seeds at least {reach} apart."
                 )
 
     def cells(self) -> Iterator[Cell]:
@@ -109,13 +109,13 @@ class _Loader(yaml.SafeLoader):
         named = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
         keys = [self.construct_object(key, deep=True) for key in named]
         if twice := [key for key in keys if keys.count(key) > 1]:
-            raise yaml.constructor.ConstructorError(None, None, f"`{twice[0]}` stands there twice", node.start_mark)
+            raise yaml.constructor.ConstructorError(None, None, f"`{twice[0]}` appears twice", node.start_mark)
         return super().construct_mapping(node, deep)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
         number = super().construct_yaml_int(node)
         if re.fullmatch(r"[-+]?0[0-9_]+", node.value):
-            says = f"`{node.value}` means {number} there: leave out the zero that it begins with"
+            says = f"`{node.value}` means {number} in YAML: leave out the leading zero"
             raise yaml.constructor.ConstructorError(None, None, says, node.start_mark)
         return number
 
@@ -143,7 +143,7 @@ def plan(found: object, folder: Path | None = None) -> Plan:
     """
     folder = folder or Path()
     if not isinstance(found, Mapping):
-        raise ConfigError("A plan is a mapping with `tasks`, `seeds` and `arms`.")
+        raise ConfigError("A plan must be a mapping with `tasks`, `seeds` and `arms`.")
     readers: dict[str, Callable[[str, object], Any]] = {
         "tasks": lambda key, value: tuple(absolute("env", task, folder) for task in _listed(key, value, str)),
         "seeds": lambda key, value: tuple(_listed(key, value, int)),
@@ -155,7 +155,7 @@ def plan(found: object, folder: Path | None = None) -> Plan:
     }
     for key in found:
         if key not in readers:
-            raise ConfigError(f"A plan has no `{key}`.{nearest(str(key), readers)} It has {', '.join(readers)}.")
+            raise ConfigError(f"A plan has no `{key}`.{nearest(str(key), readers)} It takes {', '.join(readers)}.")
     if missing := [key for key in ("tasks", "seeds", "arms") if key not in found]:
         raise ConfigError(f"The plan has no {missing[0]}.")
     return Plan(**{str(key): readers[key](key, value) for key, value in found.items()})
@@ -165,25 +165,25 @@ def _listed(key: str, value: object, kind: type) -> list[Any]:
     items = [plain_number(item) for item in value] if isinstance(value, (list, tuple, range)) else None
     if items is None or any(type(item) is not kind for item in items):
         wanted = "names" if kind is str else "whole numbers"
-        raise ConfigError(f"`{key}` is a list of {wanted}, not `{value!s:.60}`.")
+        raise ConfigError(f"`{key}` must be a list of {wanted}, not `{value!s:.60}`.")
     if kind is int and any(item < 0 for item in items):
-        raise ConfigError(f"`{key}` are zero or more.")
+        raise ConfigError(f"`{key}` must be zero or more.")
     return items
 
 
 def _expect_named(key: str, value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise ConfigError(f"`{key}` is a mapping of names to settings, such as `{{short: {{steps: 10000}}}}`.")
+        raise ConfigError(f"`{key}` must be a mapping of names to settings, such as `{{short: {{steps: 10000}}}}`.")
     if other := [name for name in value if type(name) is not str]:
-        raise ConfigError(f"`{key}` has the name `{other[0]!s:.60}`, which is no text: put it in quotes.")
+        raise ConfigError(f"`{key}` has the name `{other[0]!s:.60}`, which is not text; put it in quotes.")
     return value
 
 
 def _expect_settings(where: str, value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise ConfigError(f"`{where}` is a mapping of settings, such as `{{sample: 8}}`, not `{value!s:.60}`.")
+        raise ConfigError(f"`{where}` must be a mapping of settings, such as `{{sample: 8}}`, not `{value!s:.60}`.")
     if own := [key for key in OWN if key in value]:
-        raise ConfigError(f"`{where}` sets `{own[0]}`, which every cell of a plan has of its own.")
+        raise ConfigError(f"`{where}` sets `{own[0]}`, which the plan sets for each cell; leave it out.")
     return value
 
 
@@ -209,5 +209,5 @@ def _settings(where: str, value: object, folder: Path) -> Settings:
     except ConfigError as error:
         raise ConfigError(f"In `{where}`: {error}") from None
     if "model" in value and read.model == NO_MODEL:
-        raise ConfigError(f"`{where}` sets model={NO_MODEL}, and a bench compares searches.")
+        raise ConfigError(f"`{where}` sets model={NO_MODEL}, but a bench compares searches.")
     return {str(key): getattr(read, str(key)) for key in value}

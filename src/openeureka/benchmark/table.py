@@ -149,7 +149,7 @@ class Comparison:
         """The table by task, and the one over tasks."""
         to_first = f"more than {self._first}"
         titles = (
-            *("task", "arm", "seeds", "steps of the search", "of all", "F played, matched steps", "F held out"),
+            *("task", "arm", "seeds", "steps of the search", "steps in all", "F played, matched steps", "F held out"),
             *("score", to_first, "", "cost, US$", "training"),
         )
         by_task = Table(titles, [*map(_cells, self.rows)], self._note())
@@ -163,13 +163,13 @@ class Comparison:
         paired = f" Differences are paired by seed{together}." if claims else ""
         scored = {result.arm for result in self.results if result.held_out is not None}
         if scored and self._first not in scored:
-            paired = f" Nothing is compared, as the first arm, {self._first}, has no F held out."
+            paired = f" Nothing is compared, because the first arm, {self._first}, has no F held out."
         return (
-            "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
+            "Means over seeds and 95 % intervals, one value per search. F held out: of the best reward in fresh "
             "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one, or -1 where that is "
             "below the sparse one; clipped to 0 and 3. It has no "
-            "interval, as all searches share its scale. "
-            f"F played, matched steps: the best of the search when it had spent what the cheapest arm did.{paired}"
+            "interval, because all searches share its scale. F played, matched steps: the best of the search when it "
+            f"had used as many steps as the cheapest arm.{paired}"
         )
 
     def figures(self) -> Iterator[charts.Chart]:

@@ -27,8 +27,8 @@ def keep(store: Store, rewards: Given) -> None:
     known, wanted = store.rewards.named(), {name: found[0].id if found else None for name, found in rewards.items()}
     if known and known != wanted:
         raise StoreError(
-            f"{store.directory} holds a run of other rewards ({', '.join(known)}); name those, as they were, or "
-            "choose another dir=."
+            f"{store.directory} holds a run of other rewards ({', '.join(known)}); name those, unchanged, or choose "
+            "another dir=."
         )
     for found in rewards.values():
         if found is not None and store.rewards.verdict(found[0].id) is None:

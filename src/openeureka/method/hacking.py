@@ -143,8 +143,8 @@ def drift(lane: Tried) -> str:
     if max(first.epoch, last.epoch) >= len(own):  # a trainer of another package recorded less
         return ""
     return (
-        f"from epoch {first.epoch} to {last.epoch} the own reward rose from {number(own[first.epoch], 3)} to "
-        f"{number(own[last.epoch], 3)} a step, while held-out F fell from {number(before.fitness, 3)} to "
+        f"from epoch {first.epoch} to {last.epoch} its reward rose from {number(own[first.epoch], 3)} to "
+        f"{number(own[last.epoch], 3)} per step, while held-out F fell from {number(before.fitness, 3)} to "
         f"{number(after.fitness, 3)}."
     )
 
@@ -155,7 +155,7 @@ def concentration(lane: Tried) -> str:
     if share is None or share <= CONCENTRATED:
         return ""
     return (
-        f"the highest twentieth of what counts for held-out F, over {lane.held_out.episodes} episodes, makes "
+        f"over {lane.held_out.episodes} held-out episodes, the highest twentieth of what counts for F makes up "
         f"{share:.0%} of it."
     )
 
@@ -172,7 +172,7 @@ def breakage(lane: Tried) -> str:
     played = lane.held_out.episodes + lost
     if lost <= LOST * played:
         return ""
-    return f"the physics broke down in {lost} of {played} held-out episodes; F leaves out what was lost of them."
+    return f"the physics broke down in {lost} of {played} held-out episodes; F does not count these."
 
 
 def fragility(lane: Tried) -> str:

@@ -63,8 +63,8 @@ class Hearing:
             check(self.store, recorded)
         except FeedbackError as error:
             raise ModelError(
-                f"What was said in the run of {self.config.model} does not fit this one: {error} Give this one the "
-                "same env, sample, iteration, repair, refill and seed."
+                f"The feedback that {self.config.model} replays does not fit this run: {error} Use the same env, "
+                "sample, iteration, repair, refill and seed as there."
             ) from None
         self.store.remarks.say(*recorded)
 

@@ -252,7 +252,7 @@ def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missi
         yield reply
         came += 1
     if came < missing:
-        raise ModelError(f"{model.name} gave {came} of {missing} replies: its `sample` must yield as many as n says.")
+        raise ModelError(f"{model.name} gave {came} of {missing} replies: its `sample` must yield n replies.")
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:

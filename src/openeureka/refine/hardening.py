@@ -102,7 +102,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
     program = store.rewards.program(reward)
     if program is None:
-        raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
+        raise ConfigError(f"{store.directory} has no program of the reward {reward}.")
     names = store.lanes.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), program) for name in names]
     lanes.tell(Began("train"))
@@ -142,7 +142,7 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
     each = f"{before.steps} steps" if before.steps else "the task's own number of steps"
     begun = "from scratch" if before.anew else "from the best policy"
     raise ConfigError(
-        f"The robust policies of {store.directory} train for {each} each, {begun}: {said} to go on with them."
+        f"The robust policies of {store.directory} train for {each} each, {begun}; {said} to continue them."
     )
 
 
@@ -160,7 +160,7 @@ def _best(store: Store) -> PolicyId:
     if found is None:
         expect_files(store)
         command = command_line("resume", store.directory)
-        raise ConfigError(f"{store.directory} holds no policy yet; `{command}` goes on with it.")
+        raise ConfigError(f"{store.directory} has no policy yet; `{command}` continues the run.")
     return found
 
 
@@ -218,7 +218,7 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
                 shown = prompts.clean(reply, prompts.MAX_PROGRAM)
                 wrong[slot] = prompts.asked_again(wrong.get(slot, prompt), shown, request)
     if not found:
-        raise ModelError(f"No reply holds ranges that can be used: {reason} Ask another model, or add repair=4.")
+        raise ModelError(f"No reply contains usable ranges: {reason} Ask another model, or add repair=4.")
     return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
 
 

@@ -81,7 +81,7 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
     """
     known = store.rewards.named()
     if known.get(ORIGINAL, origin.id) != origin.id:
-        raise StoreError(f"{store.directory} tunes another reward; name that, as it was, or choose another dir=.")
+        raise StoreError(f"{store.directory} tunes another reward; name that one, unchanged, or choose another dir=.")
     if store.rewards.verdict(origin.id) is None:
         store.rewards.save_verdict(origin, verdict, Reply(text=origin.source, model=GIVEN))
     if ORIGINAL not in known:
@@ -189,7 +189,7 @@ def _scores(
     numbers = [own for each in candidates if (own := values(each.source, origin.source)) is not None]
     if len(numbers) < len(candidates):
         raise StoreError(
-            f"{lanes.store.directory} was begun by a version that counted other numbers of this reward; tune it again "
+            f"{lanes.store.directory} was started by a version that fits other numbers of this reward; tune it again "
             "with another dir=."
         )
     return numbers, [kept.get(lane) for lane in ids]

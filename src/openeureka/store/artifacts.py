@@ -158,7 +158,7 @@ def expect_room(directory: Path) -> None:
     """Raises StoreError where the directory holds no run and cannot become one: it is a file, or holds other things."""
     place = next(path for path in (directory, *directory.absolute().parents) if path.exists())
     if not place.is_dir():
-        raise StoreError(f"{short_path(place)} is a file, and a run is a directory; choose another dir=.")
+        raise StoreError(f"{short_path(place)} is a file, but a run is a directory; choose another dir=.")
     if place == directory and not (directory / FILENAME).exists() and is_foreign(directory):
         raise StoreError(f"{short_path(directory)} is not empty and not a run; choose another dir=.")
 
@@ -179,7 +179,7 @@ def _folder_of(directory: Path, name: str, *, make: bool = False) -> Generator[t
     """
     *parts, last = PurePosixPath(name).parts or ("",)
     if last in ("", "..") or ".." in parts or name.startswith("/") or "\0" in name:
-        raise StoreError(f"`{name:.80}` is no name of a file in {short_path(directory)}.")
+        raise StoreError(f"`{name:.80}` is not a valid file name in {short_path(directory)}.")
     if make:
         directory.mkdir(parents=True, exist_ok=True)
     folder = os.open(directory, _FOLDER)
@@ -208,6 +208,6 @@ def _is_link(error: OSError) -> bool:
 
 def _odd(directory: Path, name: str) -> str:
     return (
-        f"{short_path(directory / name)} is a link, or no regular file: a run has none. Nothing was written; "
+        f"{short_path(directory / name)} is a link or not a regular file, so nothing was written; "
         "delete it, or choose another dir=."
     )

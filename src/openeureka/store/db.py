@@ -106,9 +106,9 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     directory = short_path(directory)
     number, text = getattr(error, "errno", None), str(error)
     if number in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in text:
-        return f"The disk that holds {directory} is full; free some space and go on."
+        return f"The disk that holds {directory} is full; free some space and continue."
     if number in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
-        return f"The file system of {directory} has no locks, which a run needs; choose another dir=."
+        return f"The file system of {directory} has no file locks, which a run needs; choose another dir=."
     if isinstance(error, PermissionError) or number == errno.EROFS or "readonly" in text or "unable to open" in text:
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in text or "malformed" in text:
@@ -116,7 +116,7 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if isinstance(error, sqlite3.DataError):
         return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
     if "is locked" in text:
-        return f"Another program is writing to {directory / FILENAME}; close it and go on."
+        return f"Another program is writing to {directory / FILENAME}; close it and try again."
     return f"The run in {directory} cannot be read or written: {text}."
 
 
@@ -128,9 +128,7 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     path = directory / FILENAME
     for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
         if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
-            raise StoreError(
-                f"{short_path(file)} is a link, or no regular file: a run has none; delete it, or choose another dir=."
-            )
+            raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it, or choose another dir=.")
     if not writable and not os.access(directory, os.W_OK):
         # A reader of a file in WAL mode makes its index beside it. Where that is not allowed, nobody writes either, so
         # the file may be opened as immutable.
@@ -139,8 +137,8 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
             return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
         if not index.exists():
             raise StoreError(
-                f"{waiting} holds the last rows of a run that was killed, and cannot be read where nothing can be "
-                f"written; copy {short_path(directory)}, and look at the copy."
+                f"{waiting} holds the last rows of a run that was killed, and reading it needs write access. "
+                f"Copy {short_path(directory)}, and open the copy."
             )
     return sqlite3.connect(path, isolation_level=None, timeout=30.0)
 
@@ -231,8 +229,8 @@ class Database:
             )
         if 0 < schema < OLDEST:
             raise StoreError(
-                f"{short_path(self.directory)} was written by an openeureka that is too old for this one; "
-                "begin anew in another dir=."
+                f"{short_path(self.directory)} was written by a version of openeureka that is too old for this one; "
+                "start again in another dir=."
             )
         if schema < 0 or objects != _layout(tuple(MIGRATIONS[n] for n in MIGRATIONS if n <= schema))[0]:
             raise StoreError(

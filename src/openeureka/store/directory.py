@@ -102,7 +102,7 @@ def expect_files(store: Store) -> None:
     lanes = store.lanes.results()
     if lanes and not any(artifacts.exists(store.directory, f"lanes/{lane}/curves.json") for lane in lanes):
         raise StoreError(
-            f"{store.directory} holds the rows of a run alone, without its best/ and lanes/: copy the whole folder, or "
+            f"{store.directory} holds only the rows of a run, without its best/ and lanes/. Copy the whole folder, or "
             "search again."
         )
 
@@ -144,14 +144,14 @@ def say(directory: Path | str, *remarks: Remark) -> None:
     with Store.view(directory) as store:
         if store.config.model.startswith("replay:"):
             raise FeedbackError(
-                f"The run in {store.directory} repeats what was said in another; for words of yours, start one with "
-                "another model=."
+                f"The run in {store.directory} replays the feedback of another run. To give feedback of your own, "
+                "start a run with another model=."
             )
         check(store, remarks)
         _expect_standing(store, remarks)
         if not awaits_go(store) and any(remark.kind is RemarkKind.GO for remark in remarks):
             raise FeedbackError(
-                f"The run in {store.directory} has no new policies to judge yet, so nothing was kept; leave out `go`, "
+                f"The run in {store.directory} has no new policies to judge yet, so nothing was saved; leave `go` out, "
                 "or say it when they are trained."
             )
     with Store.visit(directory) as store:
@@ -171,12 +171,12 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
     if config.feedback != "human":
         raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
     if store.remarks.heard(config.hearings - 1) is not None:
-        raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
+        raise FeedbackError(f"The run in {store.directory} has asked for its last generation; it hears no more.")
     trained = {entry.sample.place for entry in store.history().entries if entry.result is not None}
     for remark in remarks:
         for place in (remark.place, remark.over):
             if place is not None and place not in trained:
-                raise FeedbackError(f"{place} is no trained candidate of a finished generation; {_known(trained)}.")
+                raise FeedbackError(f"{place} is not a trained candidate of a finished generation; {_known(trained)}.")
 
 
 def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
@@ -188,7 +188,7 @@ def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
     vetoed = {programs.get(remark.place) for remark in said if remark.kind is RemarkKind.VETO}
     for remark in remarks:
         if remark.kind is RemarkKind.FAVOURITE and programs.get(remark.place) in vetoed:
-            raise FeedbackError(f"{remark.place} was vetoed, which holds for good; choose another favourite.")
+            raise FeedbackError(f"{remark.place} was vetoed, which cannot be undone; choose another favourite.")
 
 
 def _known(trained: set[Place]) -> str:
@@ -208,7 +208,7 @@ def ask_to_stop(directory: Path | str) -> None:
     if not is_run(directory):
         raise StoreError(f"{short_path(directory)} is not a run; name the directory that `eureka run` printed.")
     if not is_held(directory):
-        raise StoreError(f"Nobody works on {short_path(directory)}, so there is nothing to stop.")
+        raise StoreError(f"{short_path(directory)} is not running, so there is nothing to stop.")
     with explained(directory):
         artifacts.appended(directory, STOP).close()
 

@@ -78,8 +78,8 @@ def expect_near(directory: Path) -> None:
         own = _boot()
         if boot and own and boot != own and is_held(directory):
             raise StoreError(
-                f"{short_path(directory)} is at work on {one_line(host)}, and its rows can be opened on that machine "
-                "alone: open it there, or when the run has stopped."
+                f"{short_path(directory)} is running on {one_line(host)}, and until it stops its rows can be opened "
+                "only on that machine. Open it there, or wait until it has stopped."
             )
 
 

@@ -106,11 +106,9 @@ def remark(word: str) -> Remark:
         return Remark(kind=kind, place=_place(named, word))
     better, _, worse = named.replace(">", ":").partition(":")  # people write : because the shell takes an unquoted >
     if not (better and worse):
-        raise FeedbackError(
-            f"`{word}` does not name two candidates; a vote does, the better one first: vote=g0s3:g0s1."
-        )
+        raise FeedbackError(f"`{word}` does not name two candidates. Name the better one first: vote=g0s3:g0s1.")
     if _place(better, word) == _place(worse, word):
-        raise FeedbackError(f"`{named}` votes for a candidate over itself; name two, as g0s3:g0s1.")
+        raise FeedbackError(f"`{named}` votes for a candidate over itself; name two, such as g0s3:g0s1.")
     return Remark(kind=kind, place=_place(better, word), over=_place(worse, word))
 
 
@@ -131,13 +129,13 @@ def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
     guess = nearest(setting[1].lower(), _MARKS)
     if guess or (alone and setting.end() == len(word)):
         raise FeedbackError(
-            f"There is no `{setting[1]}=` to say.{guess} Marks are favourite=, veto= and vote=; what is for the model "
-            'needs more words around it, such as "set gain=2".'
+            f"There is no mark `{setting[1]}=`.{guess} Marks are favourite=, veto= and vote=. If it is for the model, "
+            'put more words around it, such as "set gain=2".'
         )
 
 
 def _place(name: str, mark: str) -> Place:
     found = _PLACE.fullmatch(name)
     if found is None:
-        raise FeedbackError(f"`{mark}` names no candidate; write g0s3 for slot 3 of generation 0, a vote as g0s3:g0s1.")
+        raise FeedbackError(f"`{mark}` names no candidate; write g0s3 for slot 3 of generation 0, or vote=g0s3:g0s1.")
     return Place(int(found[1]), int(found[2]))

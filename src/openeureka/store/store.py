@@ -57,7 +57,7 @@ def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
     directory = short_path(directory)
     if (stored.model == NO_MODEL) != (wanted.model == NO_MODEL):
         held = "trainings of given rewards" if stored.model == NO_MODEL else "a search"
-        raise StoreError(f"{directory} holds {held}, which this is not; choose another dir=.")
+        raise StoreError(f"{directory} holds {held}, but this is a run of another kind; choose another dir=.")
     differing = [key for key in now if key not in FREE_TO_CHANGE and before[key] != now[key]]
     if differing:
         changes = ", ".join(f"{key}={now[key]} (was {before[key]})" for key in differing)
@@ -170,8 +170,8 @@ class Store:
         if self._database.row("run") is None:
             if artifacts.is_foreign(self.directory):
                 raise StoreError(
-                    f"{short_path(self.directory)} has files of a run whose {FILENAME} is gone; restore it from a "
-                    "copy, with the -wal file beside it, or choose another dir=."
+                    f"{short_path(self.directory)} has files of a run whose {FILENAME} is missing; restore it from a "
+                    "copy, together with its -wal file, or choose another dir=."
                 )
             row = {"id": 1, "config": json.dumps(asdict(config)), "version": __version__, "ranks": ranks}
             self._database.put("run", row)
@@ -189,8 +189,8 @@ class Store:
         except ConfigError:
             version = row["version"]
             raise StoreError(
-                f"{short_path(self.directory)} has settings unknown to this openeureka; "
-                f"install {version:.40} to open it."
+                f"{short_path(self.directory)} has settings unknown to this version of openeureka; "
+                f"install version {version:.40} to open it."
             ) from None
 
     @property
@@ -339,4 +339,4 @@ def _missing(directory: Path) -> str:
     if not directory.exists():
         return "there is no such directory"
     below = sorted(glob(f"*/{FILENAME}", root_dir=directory))
-    return f"it holds runs, name one such as {(directory / below[-1]).parent}" if below else f"it has no {FILENAME}"
+    return f"it holds runs; name one, such as {(directory / below[-1]).parent}" if below else f"it has no {FILENAME}"

@@ -97,7 +97,7 @@ def make(config: RunConfig) -> SearchStrategy:
     if found.ranks == "training" and (config.cost_limits or config.screen > 1):
         key = "limits" if config.cost_limits else "screen"
         raise ConfigError(
-            f"`search={config.search}` ranks by training, and `{key}=` needs policies that play; leave one of them out."
+            f"`search={config.search}` ranks by F in training, but `{key}=` needs played policies; leave one out."
         )
     return found
 
@@ -106,7 +106,7 @@ def asked(strategy: SearchStrategy, history: History, rng: Random, slots: int) -
     """The prompts that the strategy asks for. Raises ConfigError where they have another number of samples."""
     found = strategy.ask(history, rng)
     if (wanted := sum(plan.count for plan in found)) != slots:
-        raise ConfigError(f"`ask` of {type(strategy).__name__} wants {wanted} samples; sample= says {slots}.")
+        raise ConfigError(f"`ask` of {type(strategy).__name__} asks for {wanted} samples, but sample={slots}.")
     return found
 
 
