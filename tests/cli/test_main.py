@@ -87,13 +87,13 @@ def test_help_and_a_typing_error_import_nothing_slow(words):
         (("run", "model=random", "feedback_timeout=60"), "`feedback_timeout` works only with feedback=human; add"),
         (
             ("run", "model=random", "iteration=1", "feedback=human"),
-            "feedback=human is read between generations, and here is only one; use",
+            "feedback=human is read between generations, but this search has one; use",
         ),
         (
             ("run", "feedback=human", "judge=votes", "tune=8"),
             "`tune` picks by F, against judge=votes; leave it out, or",
         ),
-        (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation, and here is"),
+        (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation, but this"),
         (("run", "model=random", "address=auto"), "`address=` names a Ray cluster; add executor=ray"),
         (("ui", "absent"), "There is no folder absent"),
     ],

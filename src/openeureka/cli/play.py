@@ -102,7 +102,9 @@ def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
         return wanted if wanted in AGENTS else _read(Path(wanted))[0] if wanted else None
     policy = filming.human(directory) if directory is not None and is_run(directory) else None
     if policy is None:
-        raise ConfigError("beside=human needs a run directory with a trained human reward; or name a policy file.")
+        raise ConfigError(
+            "beside=human needs a run that trained the human reward: name its directory, or a policy file."
+        )
     return policy
 
 

@@ -122,7 +122,7 @@ def summary(run: RunView) -> list[str]:
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
     lines += ["", "The best reward with fitted numbers:", "", *_fitted(run, found), ""] if (found := run.tuned) else []
-    lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
+    lines += ["", "The best policy, trained further:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {dollars(run.usage.cost_usd)}"]

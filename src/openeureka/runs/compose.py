@@ -86,9 +86,11 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         raise ConfigError("`feedback_timeout` works only with feedback=human; add that, or leave it out.")
     once = config.iteration == 1 and not config.init
     if once and config.feedback == "human" and config.judge == "fitness":
-        raise ConfigError("feedback=human is read between generations, and here is only one; use iteration=2 or more.")
+        raise ConfigError(
+            "feedback=human is read between generations, but this search has one; use iteration=2 or more."
+        )
     if once and config.screen > 1:
-        raise ConfigError("`screen` judges by an earlier generation, and here is only one; use iteration=2 or more.")
+        raise ConfigError("`screen` judges by an earlier generation, but this search has one; use iteration=2 or more.")
     if config.judge == "votes" and config.tune:
         raise ConfigError("`tune` picks by F, against judge=votes; leave it out, or use `eureka tune` afterwards.")
     expect(config)
