@@ -158,7 +158,7 @@ def test_python_is_refused_where_the_environment_lives_in_this_one(env: str):
     config = parse(RunConfig, [f"env={env}", "python=python3"])
     with pytest.raises(TaskError) as caught:
         registry.get(config.env)
-    said(caught.value, f"`python=` has no effect on `{env}`; it is for environments of another Python, such as python:")
+    said(caught.value, f"`python=` has no effect on `{env}`; it is for environments in another Python, such as python:")
 
 
 # --- what goes wrong --------------------------------------------------------------------------------------------------

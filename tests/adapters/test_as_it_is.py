@@ -273,9 +273,9 @@ def test_a_strangers_package_is_imported_first():
             "gym:Hopper-v5+frame_skp=2",
             "`Hopper-v5` cannot be made: it takes no `frame_skp`. Did you mean `frame_skip`?",
         ),
-        ("gym:CartPole-v1+control_dt=0.1", "`gym:CartPole-v1+control_dt=0.1` decides `control_dt`; set"),
-        ("gym:Hopper-v5+substeps=2", "set what its constructor takes, such as frame_skip=2."),
-        ("gym:Hopper-v5+num_actions=4", "decides `num_actions`; set"),
+        ("gym:CartPole-v1+control_dt=0.1", "`control_dt` of `gym:CartPole-v1+control_dt=0.1` follows from"),
+        ("gym:Hopper-v5+substeps=2", "set an argument of its constructor instead, such as frame_skip=2."),
+        ("gym:Hopper-v5+num_actions=4", "`num_actions` of `gym:Hopper-v5+num_actions=4` follows from"),
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
         ("gym:CartPole-v1+episode_length=" + "1" * 5000, "is a number of steps, not `1111"),
         (

@@ -47,7 +47,7 @@ def test_that_nobody_says_a_goal_is_said(caplog: pytest.LogCaptureFixture):
         assert not caplog.records
         context(env)
     assert [record.message for record in caplog.records] == [
-        f"The documentation of {env} says no goal: add +description='to ...' to env={env}"
+        f"The documentation of {env} states no goal: add +description='to ...' to env={env}"
     ]
 
 

@@ -27,7 +27,7 @@ def test_arithmetic_by_hand(text: str, expected: list[float]):
 
 
 def test_a_score_that_is_no_number_everywhere_is_refused_before_anything_is_asked():
-    with pytest.raises(TaskError, match=r"not a finite number in every state of random play; .* log\(max\(x, 0.01\)\)"):
+    with pytest.raises(TaskError, match=r"not finite in some states of random play; .* log\(max\(x, 0.01\)\)"):
         record_states("gym:Hopper-v5+fitness=log(x_velocity)")
     record_states("gym:Hopper-v5+fitness=log(max(x_velocity, 0.01))", worlds=8)
 

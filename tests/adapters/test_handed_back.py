@@ -222,5 +222,5 @@ def test_f_counts_the_same_whatever_a_drafted_file_calls_or_hides(tmp_path: Path
 def test_a_task_that_is_a_file_is_not_drafted_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as ended:
         main(["new", str(tmp_path / "x.py"), "env=cartpole"])
-    assert ended.value.code == 2 and "`cartpole` is a task already" in capsys.readouterr().err
+    assert ended.value.code == 2 and "`cartpole` already has a task file" in capsys.readouterr().err
     assert not (tmp_path / "x.py").exists()

@@ -292,7 +292,11 @@ def test_an_edit_of_the_model_leaves_what_a_draft_measures(tmp_path: Path):
             '"contact"',
             "The model has no sensor `puck touch`, which the task names. It has contact, ",
         ),
-        ('name="puck_x" type="slide"', 'name="puck_x" type="ball"', "The joint `puck_x` of the model is no hinge or"),
+        (
+            'name="puck_x" type="slide"',
+            'name="puck_x" type="ball"',
+            "The joint `puck_x` of the model is not a hinge or",
+        ),
     ],
 )
 def test_a_name_that_a_model_has_no_more_is_a_sentence(tmp_path: Path, old: str, new: str, problem: str):
@@ -306,7 +310,7 @@ def test_a_name_that_a_model_has_no_more_is_a_sentence(tmp_path: Path, old: str,
 def test_a_body_that_floats_no_more_is_a_sentence(tmp_path: Path):
     env = drafted(tmp_path, odd(tmp_path, DRONE))
     odd(tmp_path, DRONE.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>'))
-    with pytest.raises(TaskError, match="The body `frame` has no free joint; write <freejoint/> in it"):
+    with pytest.raises(TaskError, match="The body `frame` has no free joint; add <freejoint/> to it"):
         make(env, worlds=1)
 
 

@@ -113,15 +113,15 @@ def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: b
 @pytest.mark.parametrize(
     ("before", "after", "problem"),
     [
-        ("upper.stl", "lower.stl", "meshes/lower.stl, which is in no folder above it"),
-        ("upper.stl", "base.dae", "meshes/base.dae, which MuJoCo cannot read; convert it to STL"),
+        ("upper.stl", "lower.stl", "meshes/lower.stl of .* is neither in its folder nor in one above it"),
+        ("upper.stl", "base.dae", "MuJoCo cannot read the collision mesh .*meshes/base.dae of .*; convert it to STL"),
         ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
-        ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is no number"),
-        ('effort="20"', 'effort="inf"', "The limit effort='inf' of joint shoulder is not finite; say how much it is"),
+        ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is not a number"),
+        ('effort="20"', 'effort="inf"', "The limit effort='inf' of joint shoulder is not finite; write a finite"),
         ('effort="20"', 'effort="nan"', "The limit effort='nan' of joint shoulder is not finite"),
-        ('mimic joint="grip"', 'mimic joint="gripper"', "Joint grip_too mimics 'gripper', which is no joint"),
+        ('mimic joint="grip"', 'mimic joint="gripper"', "Joint grip_too mimics 'gripper', which is not a joint"),
         ("</robot>", "", "is not readable XML"),
-        ("robot", "mujoco", "is no URDF"),
+        ("robot", "mujoco", "is not a URDF"),
         ('child link="upper"', 'child link="nowhere"', "MuJoCo cannot read"),
     ],
 )

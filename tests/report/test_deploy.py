@@ -264,8 +264,13 @@ def changed(**values) -> Deployment:
 @pytest.mark.parametrize(
     ("attributes", "before", "after", "problem"),
     [
-        ({"deployment": changed(default_pose=(0.0, 0.4))}, "", "", "has 2 angles, but the model 1 drives"),
-        ({"deployment": changed(observation=DEPLOYMENT.observation[:2])}, "", "", "4 numbers, but its obs.* has 5"),
+        ({"deployment": changed(default_pose=(0.0, 0.4))}, "", "", "has 2 angles, but its model has 1 act"),
+        (
+            {"deployment": changed(observation=DEPLOYMENT.observation[:2])},
+            "",
+            "",
+            "4 numbers in .*, but its obs.* has 5",
+        ),
         (
             {"deployment": changed(observation=(Term("gravity", (1.0, 2.0)), *DEPLOYMENT.observation[1:]))},
             "",
@@ -285,13 +290,13 @@ def changed(**values) -> Deployment:
             "`joint_velocities` in .* does not match what `observe` gives",
         ),
         ({"deployment": changed(action_scale=0.2)}, "", "", "`apply_action` of `leg` does not set default_pose"),
-        ({}, 'kp="50"', 'kp="50" gear="5"', "The actuator hip of `leg` is no position drive of one joint with gear=1"),
-        ({}, "position name", "motor name", "no position drive"),
+        ({}, 'kp="50"', 'kp="50" gear="5"', "The actuator hip of `leg` is not a position actuator of one joint with"),
+        ({}, "position name", "motor name", "not a position actuator"),
         ({}, 'kp="50"', 'kp="50" timeconst="0.1"', "The actuator hip of `leg` filters its target"),
         ({}, 'kp="50"', 'kp="50" nsample="2" delay="0.005"', "is delayed"),
-        ({}, 'forcerange="-20 20"', 'forcerange="-20 30"', "pushes further one way than the other"),
-        ({}, 'axis="0 1 0"', 'axis="0 1 0" actuatorfrcrange="-10 20"', "pushes further one way"),
-        ({}, 'axis="0 1 0"', 'axis="0 1 0" type="slide"', "moves a joint that is no hinge"),
+        ({}, 'forcerange="-20 20"', 'forcerange="-20 30"', "has a different force limit in each direction"),
+        ({}, 'axis="0 1 0"', 'axis="0 1 0" actuatorfrcrange="-10 20"', "different force limit"),
+        ({}, 'axis="0 1 0"', 'axis="0 1 0" type="slide"', "moves a joint that is not a hinge"),
         ({}, 'axis="0 1 0"', 'axis="0 1 0" stiffness="1 2"', "damping or stiffness that is not linear"),
         (
             {},
@@ -317,7 +322,7 @@ def test_a_deployment_that_is_not_the_task_s_is_one_sentence(
 
 
 def test_a_policy_that_sees_a_part_of_a_term_is_one_sentence(wanted: Policy):
-    with pytest.raises(TaskError, match="`unmeasured` of `anymal` hides a part of `base_linear_velocity`"):
+    with pytest.raises(TaskError, match="`unmeasured` of `anymal` hides only a part of `base_linear_velocity`"):
         export.deployed(replace(wanted, unseen=(0, 1)), Anymal)
 
 

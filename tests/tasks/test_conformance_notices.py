@@ -141,7 +141,9 @@ def test_what_a_reset_writes_and_memory_does_not_list_is_named():
     remembered = type("Remembered", (Forgotten,), {"memory": ("falls",)})
     BatchedEnv(remembered, worlds=2).reset()
     misspelt = type("Misspelt", (Forgotten,), {"memory": ("fals",)})
-    with pytest.raises(TaskError, match=r"`memory` of the task `cartpole` lists `fals`, which is no tensor"):
+    with pytest.raises(
+        TaskError, match=r"`memory` of the task `cartpole` lists `fals`, but `self\.fals` is not a tensor"
+    ):
         BatchedEnv(misspelt, worlds=2).reset()
 
 

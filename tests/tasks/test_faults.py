@@ -81,23 +81,26 @@ def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, capsys):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (NO_VARIABLE, "line 73: `compute_state` gives no `actions`, which `spec` lists."),
-        (SIZE, "line 81: `observe` gives observations of shape (1, 3); (1, 4) is wanted, as num_observations=4 says."),
+        (NO_VARIABLE, "line 73: `compute_state` returns no `actions`, which `spec` lists."),
+        (
+            SIZE,
+            "line 81: `observe` returns observations of shape (1, 3); (1, 4) is needed, as num_observations=4 says.",
+        ),
         (
             ('self.qvel[:, 0].clone(),\n            "actions"', 'self.qvel.clone(),\n            "actions"'),
-            "line 73: `compute_state` gives `angular_velocity` of shape (1, 1); (1,) is wanted, as `spec` says.",
+            "line 73: `compute_state` returns `angular_velocity` of shape (1, 1); (1,) is needed, as `spec` says.",
         ),
         (
             ('torch.zeros_like(s["angle"], dtype=torch.bool)', "False"),
-            "line 84: `terminated` gives a value as bool; a tensor of shape (1,) is wanted.",
+            "line 84: `terminated` returns a value as bool; a tensor of shape (1,) is needed.",
         ),
         (
             ("return mean_over_steps(self.sparse_reward(s))", "return self.sparse_reward(s)"),
-            "line 91: `fitness` gives Tensor; a Score is wanted, as mean_over_steps and mean_over_episodes make it.",
+            "line 91: `fitness` returns Tensor; it must return a Score, as mean_over_steps and mean_over_episodes do.",
         ),
         (
             ("(s[\"angle\"].abs() < UPRIGHT).to(torch.float32)", "torch.zeros(self.num_envs, 1)"),
-            "line 91: `fitness` gives a value of shape (1, 1); (1,) is wanted, one per world.",
+            "line 91: `fitness` returns a value of shape (1, 1); (1,) is needed, one per world.",
         ),
     ],
 )  # fmt: skip
@@ -114,20 +117,20 @@ def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, cha
     [
         (
             ("self.qvel[:, 0].clone()", "self.qvel[:, 0] / (self.progress - 1)"),  # 0 / 0 or more after the first step
-            "`angular_velocity` of the task `pendulum` is not finite in every state of random play",
+            "`angular_velocity` of the task `pendulum` is not finite in some states of random play",
         ),
         (
             ("torch.cos(s[\"angle\"]),", "torch.log(s[\"angle\"] - 100.0),"),
-            "`obs_buf` of the task `pendulum` is not finite in every state of random play",
+            "`obs_buf` of the task `pendulum` is not finite in some states of random play",
         ),
         (
             ("self.ctrl[:] = actions", "self.ctrl = actions"),
-            "The task `pendulum` replaces `self.ctrl`, the simulator's own memory, so nothing reaches it: write into "
-            "it, self.ctrl[:] = ...",
+            "The task `pendulum` replaces `self.ctrl`, which belongs to the simulator, so the simulator never sees the "
+            "new values: write self.ctrl[:] = ...",
         ),
         (
             ("self.qpos[worlds] =", "self.qpos ="),
-            "The task `pendulum` replaces `self.qpos`, the simulator's own memory",
+            "The task `pendulum` replaces `self.qpos`, which belongs to the simulator",
         ),
     ],
 )  # fmt: skip
@@ -153,7 +156,7 @@ def test_what_no_policy_could_learn_from_is_told_before_a_model_is_paid(broken, 
             ("    @staticmethod\n    def model()", "    def model(self)"),
             "`model` {} must be a function without arguments: write @staticmethod above it.",
         ),
-        (("__init__(self, *args)", "__init__(self)"), "`__init__` {} is given two arguments: write def __init__("),
+        (("__init__(self, *args)", "__init__(self)"), "`__init__` {} must take two arguments: write def __init__("),
     ],
 )  # fmt: skip
 def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says):
@@ -166,8 +169,8 @@ def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 of the recipe; write the sizes of its "),
-        (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 of the recipe; write a whole"),
+        (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 in the recipe must be the sizes of the "),
+        (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 in the recipe must be a whole"),
         (('use="zero_centred"', 'use="zero"'), "line 38: ValueError: the use of `angle` is 'zero'; it is one of raw, "),
         (('m", (1,)', 'm", 1'), "line 40: ValueError: the shape of `actions` is 1; write a tuple, such as (3,)."),
     ],
@@ -181,13 +184,15 @@ def test_a_recipe_or_a_variable_that_cannot_be_is_told_with_its_line(broken, cha
 
 def test_a_compiled_model_is_refused_where_a_spec_is_wanted(broken):
     file, _ = broken("return spec", "return spec.compile()")
-    with pytest.raises(TaskError, match=r"broken\.py: `model` of `Pendulum` gives MjModel; a mujoco.MjSpec is wanted"):
+    with pytest.raises(
+        TaskError, match=r"broken\.py: `model` of `Pendulum` returns MjModel; it must return a mujoco.MjSpec"
+    ):
         make(file, worlds=1)
 
 
 def test_the_table_says_the_size_of_the_observation(broken):
     file, _ = broken('the angle, rate", (3,)', 'the angle, rate", (4,)')
-    with pytest.raises(TaskError, match=r"lists `obs_buf` with the shape \(4,\), and num_observations=3 says \(3,\)"):
+    with pytest.raises(TaskError, match=r"lists `obs_buf` with the shape \(4,\), but num_observations=3 means \(3,\)"):
         try_out(file)
 
 
@@ -252,7 +257,7 @@ def test_a_method_that_is_a_lambda_is_asked_to_be_written_with_def(broken, capsy
     with pytest.raises(SystemExit) as ended:
         main(["context", f"env={file}"])
     (sentence,) = capsys.readouterr().err.splitlines()
-    assert (ended.value.code, sentence) == (2, f"{file}, line {line}: write it with `def` in place of `lambda`.")
+    assert (ended.value.code, sentence) == (2, f"{file}, line {line}: use `def` in place of `lambda`.")
 
 
 @pytest.mark.parametrize("change", [TYPO, SIZE, NO_XML])

@@ -100,7 +100,7 @@ def test_a_method_trains_and_no_search_begins_with_it(tmp_path: Path) -> None:
     env = with_human(tmp_path / "a.py", text)
     assert make(env, worlds=1).task.human_reward({"angle": torch.zeros(1)}).tolist() == [0.0]
     with pytest.raises(
-        TaskError, match=r"is a method, not a program; say `human = \.\.\.` in the task, or .* init=FILE"
+        TaskError, match=r"is a method, not a program; set `human = \.\.\.` in the task, or .* init=FILE"
     ):
         human.program(get(env))
 

@@ -78,7 +78,9 @@ def test_a_file_alone_names_its_only_task(tmp_path):
     assert get(f"{FILE}+episode_length=7").episode_length == 7
     file = tmp_path / "several.py"
     file.write_text(FILE.read_text() + "\n\nclass Other(Pendulum):\n    pass\n")
-    with pytest.raises(TaskError, match=r"several\.py holds Pendulum, Other; say which, for example env=.*:Pendulum"):
+    with pytest.raises(
+        TaskError, match=r"several\.py holds several tasks, Pendulum, Other: name one, such as env=.*:Pendulum"
+    ):
         get(str(file))
     file = tmp_path / "none.py"
     file.write_text("from openeureka.suite.isaac.cartpole import Cartpole\n")
@@ -199,7 +201,7 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
     file = tmp_path / "mine.py"
     file.write_text(FILE.read_text().replace("self.qvel[:, 0].clone()", value))
     with pytest.raises(
-        TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* with \.clone\(\)\."
+        TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* add \.clone\(\) to "
     ):
         make(str(file), worlds=2).reset()
 
@@ -232,7 +234,7 @@ def test_what_the_task_remembers_is_no_state_variable_as_it_is(tmp_path, value):
             's["angular_velocity"]), dim=-1).double()',
             "observations as torch.float64",
         ),
-        ('torch.zeros_like(s["angle"], dtype=torch.bool)', 'torch.zeros_like(s["angle"])', "torch.bool is wanted"),
+        ('torch.zeros_like(s["angle"], dtype=torch.bool)', 'torch.zeros_like(s["angle"])', "must return torch.bool"),
     ],
 )
 def test_numbers_of_another_type_are_named_before_a_model_is_paid(tmp_path, old, new, says):

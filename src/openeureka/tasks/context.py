@@ -40,10 +40,10 @@ def context(env: str) -> TaskContext:
     task = get(env)
     if not task.description.strip():
         raise TaskError(
-            f"`description` of the task `{task.env}` is empty: say what is wanted, as the language model reads it."
+            f"`description` of the task `{task.env}` is empty: write there what is wanted, for the language model."
         )
     if task.description.endswith(AIMLESS):
-        _log.warning("The documentation of %s says no goal: add +description='to ...' to env=%s", task.env, task.env)
+        _log.warning("The documentation of %s states no goal: add +description='to ...' to env=%s", task.env, task.env)
     return TaskContext(
         env=env,
         description=task.description,

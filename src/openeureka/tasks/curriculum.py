@@ -27,12 +27,14 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
     elif curriculum in task.curricula:
         stages = task.curricula[curriculum]
     else:
-        own = f" It has {', '.join(task.curricula)}. Name one or a" if task.curricula else " It has none: name a"
+        own = (
+            f" It has {', '.join(task.curricula)}. Name one of these or a" if task.curricula else " It has none: name a"
+        )
         raise ConfigError(
             f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)}{own} YAML file."
         )
     if stages[-1].env or stages[-1].set:
-        raise ConfigError(f"The last stage of `{curriculum}` is the task itself, leave `env` and `set` out of it.")
+        raise ConfigError(f"The last stage of `{curriculum}` is the task itself: leave `env` and `set` out of it.")
     return tuple(_checked(stage, env, f"stage {number} of `{curriculum}`") for number, stage in enumerate(stages, 1))
 
 
@@ -40,7 +42,7 @@ def _read(path: Path) -> tuple[Stage, ...]:
     """A list of mappings with the fields of a Stage; paths of task files are relative to the list's folder."""
     found = read_yaml(path, "curriculum")
     if not (isinstance(found, list) and found and all(isinstance(stage, dict) for stage in found)):
-        raise ConfigError(f"The curriculum {path} is no list of stages, such as `- {{steps: 100000}}`.")
+        raise ConfigError(f"The curriculum {path} must be a list of stages, such as `- {{steps: 100000}}`.")
     return tuple(_stage(stage, path) for stage in found)
 
 
@@ -61,7 +63,7 @@ def _stage(values: dict, path: Path) -> Stage:
     values = {**values, "steps": _steps(values["steps"])} if "steps" in values else values
     for key, value in values.items():
         if key not in FIELDS:
-            raise ConfigError(f"A stage in {path} has an unknown `{key}`; it may have {', '.join(FIELDS)}.")
+            raise ConfigError(f"A stage in {path} has an unknown key `{key}`; the keys are {', '.join(FIELDS)}.")
         if type(value) is not kinds[key] or (key == "steps" and value < 0):
             raise ConfigError(f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {_WANTED[key]}.")
     return Stage(**{**values, "env": absolute("env", values.get("env", ""), path.parent)})
@@ -75,7 +77,10 @@ def _checked(stage: Stage, env: str, where: str) -> Stage:
     except TaskError as error:
         raise ConfigError(f"In {where}: {error}") from None
     if what := _difference(task, get(env)):
-        raise ConfigError(f"In {where}: `{task.env}` has other {what} than `{get(env).env}`; no policy fits both.")
+        raise ConfigError(
+            f"In {where}: the {what} of `{task.env}` and `{get(env).env}` differ, so one policy and reward cannot train"
+            " on both."
+        )
     for number in (variable.name for variable in task.spec.variables if variable.kind in ("float", "int")):
         if getattr(task, number, None) != getattr(get(env), number, None):  # a reward holds the last stage's value
             raise ConfigError(f"In {where}: rewards read `{number}`, so it must be the same in all stages.")

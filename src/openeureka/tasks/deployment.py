@@ -153,21 +153,21 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
     dofs = [int(model.jnt_dofadr[joint]) for joint in joints]
     if len(wanted.default_pose) != len(joints):
         raise TaskError(
-            f"The default pose of `{env}` has {len(wanted.default_pose)} angles, but the model {len(joints)} drives; "
-            "give its `deployment` one for each."
+            f"The default pose of `{env}` has {len(wanted.default_pose)} angles, but its model has {len(joints)} "
+            "actuators; give `default_pose` in its `deployment` one angle for each."
         )
     terms = _terms(task, wanted, len(joints))
     names = tuple(model.joint(joint).name for joint in joints)
     for name in (*names, *(command for command, _, _ in wanted.commands)):
         if not name or "," in name:
             raise TaskError(
-                f"A joint or command of the `deployment` of `{env}` is called {name!r}, but the files list names with "
-                "commas between them; give it a name without."
+                f"A joint or command of the `deployment` of `{env}` is called {name!r}, but the exported files separate"
+                " names by commas; give it a name without a comma."
             )
     seen = [(name, scales) for name, scales, columns in terms if not all(column in unseen for column in columns)]
     for name, _, columns in terms:
         if 0 < sum(column in unseen for column in columns) < len(columns):
-            raise TaskError(f"`unmeasured` of `{env}` hides a part of `{name}`; hide all of it, or none.")
+            raise TaskError(f"`unmeasured` of `{env}` hides only a part of `{name}`; hide all of it, or none of it.")
     limited = model.actuator_ctrllimited.astype(bool)
     low, high = model.actuator_ctrlrange.T
     return Interface(
@@ -202,7 +202,7 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
 def _expect_drives(env: str, model: mujoco.MjModel) -> None:
     """Raises TaskError for a robot without a floating base, or a drive that the formula of deploy.yaml does not fit."""
     if floating_joint(model) < 0:
-        raise TaskError(f"`{env}` has no floating base, which a `deployment` is for; leave its `deployment` out.")
+        raise TaskError(f"`{env}` has no floating base, which a `deployment` needs; leave its `deployment` out.")
     of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for drive in range(model.nu):
         gain, follows = float(model.actuator_gainprm[drive, 0]), float(-model.actuator_biasprm[drive, 1])
@@ -214,13 +214,13 @@ def _expect_drives(env: str, model: mujoco.MjModel) -> None:
             or model.actuator_gear[drive, 0] != 1.0
         ):
             raise TaskError(
-                f"The actuator {model.actuator(drive).name or drive} of `{env}` is no position drive of one joint with "
-                "gear=1, which a `deployment` is for; make it one, or leave the `deployment` out."
+                f"The actuator {model.actuator(drive).name or drive} of `{env}` is not a position actuator of one "
+                "joint with gear=1, which a `deployment` needs; make it one, or leave the `deployment` out."
             )
         if problem := _beyond_formula(model, drive, int(model.actuator_trnid[drive, 0])):
             raise TaskError(
-                f"The actuator {model.actuator(drive).name or drive} of `{env}` {problem}, which deploy.yaml has no "
-                "number for; leave that out of the model, or the `deployment` out of the task."
+                f"The actuator {model.actuator(drive).name or drive} of `{env}` {problem}, which deploy.yaml cannot "
+                "describe; remove it from the model, or leave the `deployment` out of the task."
             )
 
 
@@ -229,11 +229,11 @@ def _beyond_formula(model: mujoco.MjModel, drive: int, joint: int) -> str:
     dof = int(model.jnt_dofadr[joint])
     forces, turns = model.actuator_forcerange[drive], model.jnt_actfrcrange[joint]
     found = {
-        "moves a joint that is no hinge": model.jnt_type[joint] != HINGE,
+        "moves a joint that is not a hinge": model.jnt_type[joint] != HINGE,
         "filters its target (timeconst)": model.actuator_dyntype[drive] != mujoco.mjtDyn.mjDYN_NONE,
         "is delayed (nsample, delay)": model.actuator_history[drive, 0] > 0 or model.actuator_delay[drive] > 0.0,
         "has a constant force (biasprm)": model.actuator_biasprm[drive, 0] != 0.0,
-        "pushes further one way than the other (forcerange, actuatorfrcrange)": (
+        "has a different force limit in each direction (forcerange, actuatorfrcrange)": (
             (model.actuator_forcelimited[drive] and forces[0] != -forces[1])
             or (model.jnt_actfrclimited[joint] and turns[0] != -turns[1])
         ),
@@ -261,14 +261,14 @@ def _terms(task: type[Task], wanted: Deployment, joints: int) -> list[tuple[Sour
         if len(scales) != size:
             raise TaskError(
                 f"`{term.source}` in the `deployment` of `{env}` has {len(scales)} scales for {size} numbers; give "
-                "one, or one for each."
+                "one scale for all, or one for each."
             )
         found.append((term.source, scales, range(end, end + size)))
         end += size
     if end != observations:
         raise TaskError(
-            f"The terms in the `deployment` of `{env}` are {end} numbers, but its observation has {observations}; name "
-            "all that `observe` gives, in its order."
+            f"The observation terms in the `deployment` of `{env}` have {end} numbers in all, but its observation has "
+            f"{observations}; list all that `observe` returns, in the same order."
         )
     return found
 

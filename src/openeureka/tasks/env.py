@@ -112,14 +112,14 @@ class BatchedEnv:
         task = self.task
         remembered = {name: getattr(task, name) for name in (*task.memory, "progress")}
         owners = {value.untyped_storage().data_ptr(): f"`self.{name}`" for name, value in remembered.items()}
-        owners |= {value.untyped_storage().data_ptr(): "what comes from `bind`" for value in self.sim.memory().values()}
+        owners |= {value.untyped_storage().data_ptr(): "what `bind` returns" for value in self.sim.memory().values()}
         tensors = {name: value for name, value in state.items() if isinstance(value, Tensor) and value.numel()}
         owned = {name: owners.get(value.untyped_storage().data_ptr()) for name, value in tensors.items()}
         if views := {f"`{name}`": owner for name, owner in owned.items() if owner is not None}:
             called, whose = (", ".join(dict.fromkeys(words)) for words in (views, views.values()))
             raise TaskError(
-                f"{called} of the task `{task.env}` would change after it was recorded, being the memory of the"
-                f" simulator or of the task; in `compute_state`, end {whose} with .clone()."
+                f"{called} of the task `{task.env}` would change after being recorded, as the tensor belongs to the"
+                f" simulator or to the task; in `compute_state`, add .clone() to {whose}."
             )
 
     def state_dict(self, worlds: slice = slice(None)) -> dict[str, Any]:

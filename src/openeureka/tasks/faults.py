@@ -115,7 +115,9 @@ def check_class(task: type[Task]) -> None:
             given = "" if callable(value) else f"; it is {value!r:.60}"
             raise TaskError(f"`{name}` of the task `{task.env}` must be {wanted}{given}.")
     if not _takes(task, 2):
-        raise TaskError(f"`__init__` of the task `{task.env}` is given two arguments: write def __init__(self, *args).")
+        raise TaskError(
+            f"`__init__` of the task `{task.env}` must take two arguments: write def __init__(self, *args)."
+        )
 
 
 def check_variables(task: Task, state: Mapping[str, Any]) -> None:
@@ -124,7 +126,7 @@ def check_variables(task: Task, state: Mapping[str, Any]) -> None:
         if variable.name == "obs_buf":
             continue
         if variable.name not in state:
-            raise _broken(task, "compute_state", f"gives no `{variable.name}`, which `spec` lists")
+            raise _broken(task, "compute_state", f"returns no `{variable.name}`, which `spec` lists")
         if variable.kind in ("world", "constant"):
             shape = (task.num_envs, *variable.shape) if variable.kind == "world" else variable.shape
             _expect(task, "compute_state", f"`{variable.name}`", state[variable.name], shape, "as `spec` says")
@@ -142,11 +144,13 @@ def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
     known, after = task.lasting(), marks(task)
     for name in task.memory:
         if name not in after or after[name][0].shape[:1] != (task.num_envs,):
-            raise TaskError(f"`memory` of the task `{task.env}` lists `{name}`, which is no tensor (N, ...) of it.")
+            raise TaskError(
+                f"`memory` of the task `{task.env}` lists `{name}`, but `self.{name}` is not a tensor (N, ...)."
+            )
     for name, (value, version) in after.items():
         old, old_version = before.get(name, (None, 0))
         if name not in known and (value is not old or version != old_version):
-            raise _broken(task, "reset", f"writes `{name}`, which `memory` does not list; say memory = (..., {name!r})")
+            raise _broken(task, "reset", f"writes `{name}`, which `memory` does not list; add it: (..., {name!r})")
 
 
 def inputs(task: Task) -> dict[str, Tensor]:
@@ -161,8 +165,8 @@ def check_inputs(task: Task, before: Mapping[str, Tensor]) -> None:
     """Raises TaskError when one of `inputs` was replaced: the simulator would go on reading the old tensor."""
     for name in before.keys() - inputs(task).keys():
         raise TaskError(
-            f"The task `{task.env}` replaces `self.{name}`, the simulator's own memory, so nothing reaches it: write"
-            f" into it, self.{name}[:] = ..., or begin with a .clone() if it is the task's."
+            f"The task `{task.env}` replaces `self.{name}`, which belongs to the simulator, so the simulator never sees"
+            f" the new values: write self.{name}[:] = ..., or start from a .clone() if it is meant for the task alone."
         )
 
 
@@ -174,8 +178,8 @@ def check_finite(task: Task, state: Mapping[str, Any], counts: Tensor) -> None:
             continue
         if not (value[counts] if value.shape[:1] == counts.shape else value).isfinite().all():
             raise TaskError(
-                f"`{name}` of the task `{task.env}` is not finite in every state of random play; compute it so that it"
-                " is: x / max(y, 0.01) in place of x / y."
+                f"`{name}` of the task `{task.env}` is not finite in some states of random play; keep it finite, for"
+                " example with x / max(y, 0.01) in place of x / y."
             )
 
 
@@ -187,8 +191,8 @@ def check_observation(task: Task, state: Mapping[str, Any]) -> None:
     if "obs_buf" in task.spec and task.spec["obs_buf"].shape != wanted[1:]:
         shape = task.spec["obs_buf"].shape
         raise TaskError(
-            f"`spec` of the task `{task.env}` lists `obs_buf` with the shape {shape}, and num_observations={wanted[1]}"
-            f" says {wanted[1:]}; let both say the same."
+            f"`spec` of the task `{task.env}` lists `obs_buf` with the shape {shape}, but num_observations={wanted[1]}"
+            f" means {wanted[1:]}; make them agree."
         )
 
 
@@ -202,28 +206,28 @@ def per_world(task: Task, method: str, value: Any) -> Tensor:
 def decided(task: Task, method: str, value: Any) -> Tensor:
     """The value, true or false per world. Raises TaskError where it is anything else."""
     if per_world(task, method, value).dtype != torch.bool:
-        raise _broken(task, method, f"gives a value of {value.dtype}; torch.bool is wanted, as a comparison makes it")
+        raise _broken(task, method, f"returns {value.dtype}; it must return torch.bool, as a comparison does")
     return value
 
 
 def scored(task: Task, score: Any) -> Score:
     """The score, of one value and one weight per world. Raises TaskError where it is anything else."""
     if not isinstance(score, Score):
-        wanted = "a Score is wanted, as mean_over_steps and mean_over_episodes make it"
-        raise _broken(task, "fitness", f"gives {type(score).__name__}; {wanted}")
+        wanted = "it must return a Score, as mean_over_steps and mean_over_episodes do"
+        raise _broken(task, "fitness", f"returns {type(score).__name__}; {wanted}")
     return Score(*(per_world(task, "fitness", part) for part in score))
 
 
 def _expect(task: Task, method: str, what: str, value: Any, shape: tuple[int, ...], why: str) -> None:
     if not isinstance(value, Tensor):
-        raise _broken(task, method, f"gives {what} as {type(value).__name__}; a tensor of shape {shape} is wanted")
+        raise _broken(task, method, f"returns {what} as {type(value).__name__}; a tensor of shape {shape} is needed")
     if tuple(value.shape) != shape:
-        raise _broken(task, method, f"gives {what} of shape {tuple(value.shape)}; {shape} is wanted, {why}")
+        raise _broken(task, method, f"returns {what} of shape {tuple(value.shape)}; {shape} is needed, {why}")
 
 
 def _expect_float(task: Task, method: str, what: str, value: Tensor) -> None:
     if value.dtype != torch.float32:
-        raise _broken(task, method, f"gives {what} as {value.dtype}; torch.float32 is wanted: add .float()")
+        raise _broken(task, method, f"returns {what} as {value.dtype}; torch.float32 is needed: add .float()")
 
 
 def _broken(task: Task, method: str, what: str) -> TaskError:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _CONSTANT = re.compile(r"^([A-Z][A-Z0-9_]*) = [^\n#]*[^\s#]", re.MULTILINE)
 
 
-_WAY = "say `human = ...` in the task, or write a file and name it: init=FILE.py"
+_WAY = "set `human = ...` in the task, or write the reward to a file and name it with init=FILE.py"
 
 
 def program(task: type[Task], way: str = _WAY) -> str:

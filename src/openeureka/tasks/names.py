@@ -56,7 +56,7 @@ class Names:
         """Columns of a body on a free joint in `qvel`: velocity in the world frame, angular velocity in its own."""
         joints = [j for j in own_joints(self._model, self.body(body)) if self._model.jnt_type[j] == FREE]
         if not joints:
-            raise TaskError(f"The body `{body}` has no free joint; write <freejoint/> in it, or name its joints.")
+            raise TaskError(f"The body `{body}` has no free joint; add <freejoint/> to it, or name its joints.")
         dof = int(self._model.jnt_dofadr[joints[0]])
         return slice(dof, dof + 3), slice(dof + 3, dof + 6)
 
@@ -66,7 +66,7 @@ class Names:
     def _joint(self, name: str, kinds: tuple[int, ...], wanted: str) -> int:
         joint = self._index("JOINT", name)
         if self._model.jnt_type[joint] not in kinds:
-            raise TaskError(f"The joint `{name}` of the model is no {wanted}; the task reads it as one.")
+            raise TaskError(f"The joint `{name}` of the model is not a {wanted}, but the task reads it as one.")
         return joint
 
     def _index(self, kind: str, name: str) -> int:

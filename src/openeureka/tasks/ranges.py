@@ -73,16 +73,14 @@ def find(env: str, randomise: str) -> Ranges | None:
         return None
     task = get(env)
     if task.draws_itself:
-        raise ConfigError(
-            f"MuJoCo has no part in `{task.env}`, so nothing of it can be randomised; use randomise=none."
-        )
+        raise ConfigError(f"`{task.env}` steps itself, so openeureka cannot randomise it; use randomise=none.")
     model = task.compile_model()
     if randomise in NAMED:
         return _taken(task, model, NAMED[randomise])
     if not randomise.endswith((".yaml", ".yml")):
         raise ConfigError(
-            f"There are no ranges `{randomise}`.{nearest(randomise, NAMED)} `randomise` is none, {', '.join(NAMED)} or "
-            "a YAML file."
+            f"There are no ranges `{randomise}`.{nearest(randomise, NAMED)} `randomise` takes none, {', '.join(NAMED)} "
+            "or a YAML file."
         )
     path = Path(randomise)
     try:
@@ -90,7 +88,7 @@ def find(env: str, randomise: str) -> Ranges | None:
     except OSError as error:
         raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}.") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"The ranges {path} are not YAML: they are no text in UTF-8.") from None
+        raise ConfigError(f"The ranges {path} are not YAML: the file is not text in UTF-8.") from None
     return written(task, model, text, str(path))
 
 

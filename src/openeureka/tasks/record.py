@@ -63,16 +63,17 @@ def record_states(
         state = played.state
         if not played.score.value[played.score.weight > 0].isfinite().all():
             raise TaskError(
-                f"F of `{env}` is not a finite number in every state of random play; write it so that it is one: "
+                f"F of `{env}` is not finite in some states of random play; keep it finite, for example with "
                 "log(max(x, 0.01)) in place of log(x)."
             )
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:
             taken.append(state)
     if simulation.bad_total > worlds * steps / 2:
-        cure = "let its actions do less, give its joints damping and armature, or take more substeps."
+        physics = "make its actions weaker, give its joints damping and armature, or raise `substeps`."
+        numbers = "its observations and rewards must be finite."
         raise TaskError(
-            f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, which count for"
-            f" nothing: {'let it observe and pay finite numbers.' if task.draws_itself else cure}"
+            f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, and such steps do"
+            f" not count: {numbers if task.draws_itself else physics}"
         )
     if scored:
         _try_rewards(task, taken[-1])

@@ -74,7 +74,7 @@ def get(env: str) -> type[Task]:
     settings, (prefix, _, rest) = _settings(parts), name.partition(":")
     if "python" in settings and ADAPTERS.get(prefix) != _FOREIGN:
         raise TaskError(
-            f"`python=` has no effect on `{name}`; it is for environments of another Python, such as "
+            f"`python=` has no effect on `{name}`; it is for environments in another Python, such as "
             "python:FILE.py:NAME or dmc:DOMAIN-TASK."
         )
     if prefix in ADAPTERS:
@@ -111,14 +111,19 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
     values: dict[str, object] = {}
     for name, text in settings.items():
         if name in getattr(task, "decided", ()):
-            raise TaskError(f"`{task.env}` decides `{name}`; set what its constructor takes, such as frame_skip=2.")
+            raise TaskError(
+                f"`{name}` of `{task.env}` follows from the environment; set an argument of its constructor instead, "
+                "such as frame_skip=2."
+            )
         if name not in known:
             raise TaskError(f"`{task.env}` has no `{name}` to set.{nearest(name, known)} It has {', '.join(known)}.")
         value = literal(text)
         kind = type(known[name])
         values[name] = float(text) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:
-            raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
+            raise TaskError(
+                f"`{name}` of `{task.env}` is {known[name]!r}; set it to another {kind.__name__}, not to `{text}`."
+            )
         if name in POSITIVE and not values[name] > 0:  # type: ignore[operator]
             raise TaskError(f"`{name}` of `{task.env}` must be more than zero, not `{text}`.")
     # A changed attribute may bound F, such as the length of an episode, or decide when one ends.
@@ -134,7 +139,7 @@ def _named(env: str) -> type[Task]:
     if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
         file = f"{Path(env).stem}.py"
         raise TaskError(
-            f"{env} is a robot, not a task: draft a task with `eureka new {file} model={env}`, then say env={file}."
+            f"{env} is a robot, not a task: draft a task with `eureka new {file} model={env}`, then use env={file}."
         )
     if target is None:
         raise TaskError(f"There is no environment `{env}`.{nearest(env, names())} `eureka envs` lists them all.")
@@ -161,7 +166,7 @@ def _only_task(file: str) -> str:
     if not tasks:
         raise TaskError(f"There is no task in {file}: no class of it is a subclass of openeureka.tasks.task.Task.")
     if len(tasks) > 1:
-        raise TaskError(f"{file} holds {', '.join(tasks)}; say which, for example env={file}:{tasks[0]}.")
+        raise TaskError(f"{file} holds several tasks, {', '.join(tasks)}: name one, such as env={file}:{tasks[0]}.")
     return tasks[0]
 
 

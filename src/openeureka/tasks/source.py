@@ -214,7 +214,7 @@ def _parsed(function: Callable[..., Any]) -> ast.FunctionDef:
     """Raises TaskError for a lambda, whose source is that of the statement around it."""
     if function.__name__ == "<lambda>":
         code = function.__code__
-        raise TaskError(f"{code.co_filename}, line {code.co_firstlineno}: write it with `def` in place of `lambda`.")
+        raise TaskError(f"{code.co_filename}, line {code.co_firstlineno}: use `def` in place of `lambda`.")
     node = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(node, ast.FunctionDef)
     return node

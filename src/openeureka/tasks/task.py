@@ -59,11 +59,11 @@ class Recipe:
 
     def __post_init__(self) -> None:
         if not isinstance(self.hidden, tuple | list):
-            raise ValueError(f"hidden={self.hidden!r} of the recipe; write the sizes of its layers, such as (64, 64)")
+            raise ValueError(f"hidden={self.hidden!r} in the recipe must be the sizes of the layers, such as (64, 64)")
         for name in ("worlds", "horizon", "epochs", "minibatches"):
             value = getattr(self, name)
             if not isinstance(value, int) or value < 1:
-                raise ValueError(f"{name}={value!r} of the recipe; write a whole number above zero")
+                raise ValueError(f"{name}={value!r} in the recipe must be a whole number above zero")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,7 +256,7 @@ class Task(ABC):
 
         Raises TaskError for a task that is a file already.
         """
-        raise TaskError(f"`{cls.env}` is a task already, and its own file says what rewards may read: copy that.")
+        raise TaskError(f"`{cls.env}` already has a task file, which says what rewards may read: copy that file.")
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
@@ -265,8 +265,8 @@ class Task(ABC):
         Raises TaskError for a task of openeureka's own, which has no such suite.
         """
         raise TaskError(
-            f"`{cls.env}` is a task of openeureka's own kind. Rewards go back only to environments that came from "
-            "elsewhere, such as gym:Hopper-v5; this one is in best/reward.py."
+            f"Rewards can be exported only for environments of other packages, such as gym:Hopper-v5, and `{cls.env}` "
+            "is not one. The best reward of the run is in best/reward.py."
         )
 
     @classmethod
@@ -302,8 +302,8 @@ class Task(ABC):
         spec = cls.model()
         if not isinstance(spec, mujoco.MjSpec):
             raise TaskError(
-                f"{inspect.getsourcefile(cls)}: `model` of `{cls.__name__}` gives {type(spec).__name__}; a"
-                " mujoco.MjSpec is wanted, as mujoco.MjSpec.from_file makes it."
+                f"{inspect.getsourcefile(cls)}: `model` of `{cls.__name__}` returns {type(spec).__name__}; it must"
+                " return a mujoco.MjSpec, as mujoco.MjSpec.from_file does."
             )
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

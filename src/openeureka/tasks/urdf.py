@@ -36,13 +36,13 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     """
     path = Path(path).resolve()
     if not path.is_file():
-        raise TaskError(f"There is no model {path}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
+        raise TaskError(f"There is no file {path}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
     try:
         robot = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise TaskError(f"{path} is not readable XML: {error}.") from None
     if robot.tag != "robot" or robot.find("link") is None:
-        raise TaskError(f"{path} is no URDF: it begins with <{robot.tag}> instead of a <robot> with links.")
+        raise TaskError(f"{path} is not a URDF: it begins with <{robot.tag}> instead of a <robot> with links.")
     for link in robot.iter("link"):
         _find_meshes(link, path)
     for extension in robot.findall("mujoco"):
@@ -56,7 +56,10 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
         raise TaskError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())}.") from None
     _actuate(spec, robot)
     if not spec.actuators:
-        raise TaskError(f"No joint of {path} has a <limit> with an effort above zero, so nothing moves it; add some.")
+        raise TaskError(
+            f"No joint of {path} has a <limit> with an effort above zero, so the robot has no actuators; add such "
+            "limits."
+        )
     if floating or _floats(spec):
         _set_afloat(spec)
     else:
@@ -78,9 +81,11 @@ def _find_meshes(link: ElementTree.Element, path: Path) -> None:
             elif kind == "visual":
                 link.remove(part)
             elif found is None:
-                raise TaskError(f"{path} collides by the mesh {name}, which is in no folder above it; put it there.")
+                raise TaskError(
+                    f"The collision mesh {name} of {path} is neither in its folder nor in one above it; put it there."
+                )
             else:
-                raise TaskError(f"{path} collides by the mesh {name}, which MuJoCo cannot read; convert it to STL.")
+                raise TaskError(f"MuJoCo cannot read the collision mesh {name} of {path}; convert it to STL.")
 
 
 def _mesh(name: str, path: Path) -> Path | None:
@@ -103,7 +108,9 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
     for joint in robot.iter("joint"):
         name, limit, mimic = joint.get("name", ""), joint.find("limit"), joint.find("mimic")
         if mimic is not None and mimic.get("joint", "") not in names:
-            raise TaskError(f"Joint {name} mimics {mimic.get('joint', '')!r:.60}, which is no joint; correct its name.")
+            raise TaskError(
+                f"Joint {name} mimics {mimic.get('joint', '')!r:.60}, which is not a joint; correct its name."
+            )
         # A joint that mimics another is held to it by an equality, which MuJoCo's own reader adds.
         if joint.get("type") not in ("revolute", "continuous", "prismatic") or mimic is not None:
             continue
@@ -127,10 +134,10 @@ def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
     try:
         value = float(said)
     except ValueError:
-        raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is no number; correct it.") from None
+        raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is not a number; correct it.") from None
     if math.isfinite(value) or (key == "velocity" and value > 0.0):  # infinite: no damping
         return value
-    raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is not finite; say how much it is.")
+    raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is not finite; write a finite number.")
 
 
 def _part_from_base(spec: mujoco.MjSpec) -> None:
