@@ -188,13 +188,13 @@ def test_one_number_for_all_worlds_is_refused_by_name(place: int, name: str):
     simulation.reset()
     with pytest.raises(TaskError) as caught:
         simulation.step(torch.zeros(2, 1))
-    said(caught.value, f"`step` gives `{name}` of shape (", "(2,) is wanted, one each")
+    said(caught.value, f"`step` returns `{name}` of shape (", "(2,) is needed, one per world")
 
 
 def test_a_process_that_is_killed_is_told_as_such():
     with pytest.raises(WorkerError) as caught:
         stepped(f"{CARTS}+fault=kill+step=3", 3)
-    said(caught.value, f"{sys.executable} ended during a step of `python:", "It was killed")
+    said(caught.value, f"{sys.executable} ended while stepping `python:", "It was killed")
 
 
 def test_sigterm_to_all_ends_no_environment_before_its_training_is_kept():
@@ -205,7 +205,7 @@ def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(link, "STEPPING", 0.5)
     with pytest.raises(WorkerError) as caught:
         stepped(f"{CARTS}+fault=hang+step=3", 3)
-    said(caught.value, "did not come to an end of a step of", "in 0.5 s")
+    said(caught.value, "did not finish stepping", "in 0.5 s")
 
 
 def test_who_hangs_is_ended_before_its_worker_is_taken_for_hung():
@@ -227,26 +227,26 @@ def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(link, "SERVER", tmp_path / "server.py")
     with pytest.raises(TaskError) as caught:
         stepped(f"{CARTS}+pull=0.8", 1)
-    said(caught.value, "is of version 7, and version 1 is needed")
+    said(caught.value, "is version 7, but version 1 is needed")
 
 
 @pytest.mark.parametrize(
     "env, words",
     [
         (f"{CARTS}+python=/no/such/python", "/no/such/python cannot be started: No such file or directory."),
-        (f"{CARTS}+python=true", "true does not run the server of environments"),
+        (f"{CARTS}+python=true", "true cannot run the environment server"),
         (f"{CARTS}+weight=3", "cannot be made: TypeError"),
         (f"python:{HERE / 'carts.py'}:Cart", "carts.py has no `Cart`, perhaps `Carts`"),
         (f"python:{HERE / 'nowhere.py'}:Cart", "there is no file "),
         (f"python:{HERE / 'carts.py'}:resets_itself", "autoreset_mode=AutoresetMode.DISABLED"),
-        (f"python:{HERE / 'vectors.py'}:single", "it is one environment; say env=gym:ID, or give a vector"),
+        (f"python:{HERE / 'vectors.py'}:single", "it is a single environment; use env=gym:ID, or return a vector"),
         (
             f"python:{HERE / 'carts.py'}:Alone",
             "its observation has the shape (1, 3); a row for each of 2 worlds",
         ),
         ("python:no_such_package:make", "No module named 'no_such_package'"),
-        ("python:carts", "name what makes the environment: pkg.mod:factory"),
-        ("mjlab:Mjlab-Cartpole", "lacks it: python= names the interpreter that has it"),
+        ("python:carts", "name the factory of the environment: pkg.mod:factory"),
+        ("mjlab:Mjlab-Cartpole", "lacks it: set python= to the interpreter that has it"),
     ],
 )
 def test_what_cannot_be_made_is_one_sentence(env: str, words: str):

@@ -150,7 +150,7 @@ def test_what_f_needs_of_info_keeps_its_shape():
     simulation.reset()
     for _ in range(11):
         simulation.step(actions(0, 0, 8))
-    with pytest.raises(TaskError, match=r"`late` of `info` has the shape \(2,\), and had \(1,\); let it keep one"):
+    with pytest.raises(TaskError, match=r"`late` of `info` has the shape \(2,\), but had \(1,\) before; keep it"):
         simulation.step(actions(0, 0, 8))
 
 
@@ -265,7 +265,7 @@ def test_a_strangers_package_is_imported_first():
     [
         ("gym:Hoper-v5", "Gymnasium has no `Hoper-v5`. Did you mean `Hopper-v5`?"),
         ("gym:no_such_package:X-v0", "needs the module `no_such_package`: install it, or set PYTHONPATH"),
-        ("gym:my_env.py:My-v0", "gym: takes a module, no file: say gym:my_env:My-v0, with its folder on PYTHONPATH."),
+        ("gym:my_env.py:My-v0", "gym: takes a module, not a file: use gym:my_env:My-v0, and put the file's folder on"),
         ("gym:Pong-v0", "Gymnasium has no `Pong-v0`. If a package registers it"),
         ("gym:", "Name an environment of Gymnasium after gym:, for example env=gym:CartPole-v1."),
         ("gym:CartPole-v1+gravity=3", "`CartPole-v1` cannot be made: it takes no `gravity`."),
@@ -280,7 +280,7 @@ def test_a_strangers_package_is_imported_first():
         ("gym:CartPole-v1+episode_length=" + "1" * 5000, "is a number of steps, not `1111"),
         (
             "gym:CartPole-v1+fitness=cart_speed",
-            "names `cart_speed`, which random play did not show. It showed ",
+            "uses `cart_speed`, which the environment did not report in random play. It reported ",
         ),
         ("gym:Hopper-v5+fitness=__import__('os')", "is not understood"),
         ("gym:CartPole-v1+episode_length=²", "`episode_length` of CartPole-v1 is a number of steps, not `²`."),
@@ -391,5 +391,5 @@ def test_what_a_constructor_names_reaches_it_though_a_task_has_an_attribute_of_t
 
 
 def test_a_device_that_gymnasium_knows_nothing_of_is_refused():
-    with pytest.raises(TaskError, match="on the CPU alone"):
+    with pytest.raises(TaskError, match="only on the CPU"):
         registry.get("gym:CartPole-v1").simulate(1, "cuda", 1)

@@ -66,7 +66,7 @@ def test_broken_physics_begins_its_world_again_and_no_other(arm: BatchedEnv):
     [
         ("dmc:arm-kick", "dm_control has no arm-kick; it has arm-swing, arm-old."),
         ("dmc:wing-flap", "dm_control has no wing-flap; it has arm-swing, arm-old, leg-kick."),
-        ("dmc:arm-old", "does not know MuJoCo 4.0.0: type pip install 'mujoco<4' in its Python."),
+        ("dmc:arm-old", "does not know MuJoCo 4.0.0: run pip install 'mujoco<4' in its Python."),
         ("dmc:arm-swing+speed=3", "cannot be made: TypeError"),
     ],
 )
@@ -79,6 +79,6 @@ def test_what_cannot_be_made_is_one_sentence(arm: BatchedEnv, env: str, words: s
 def test_a_python_without_dm_control_says_what_to_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['dm_control'] = None")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(TaskError, match="pip install dm_control 'mujoco<4', and say python=") as caught:
+    with pytest.raises(TaskError, match="pip install dm_control 'mujoco<4', and set python=") as caught:
         registry.get(f"dmc:cheetah-run+python={sys.executable}")
     assert "\n" not in str(caught.value)

@@ -40,7 +40,7 @@ def test_a_number_that_is_infinite_in_32_bits_is_refused(number: str):
 
 @pytest.mark.parametrize("text", ["plce", "plce[1]"])
 def test_a_name_that_is_not_there_is_told_with_the_one_that_may_be_meant(text: str):
-    with pytest.raises(TaskError, match=r"names `plce`, which random play did not show\. Did you mean `place`\?"):
+    with pytest.raises(TaskError, match=r"uses `plce`, which .* did not report in random play\. Did you mean `place`\?"):
         formula(text, SHAPES)
 
 
@@ -50,7 +50,7 @@ def test_a_name_that_is_not_there_is_told_with_the_one_that_may_be_meant(text: s
         ("-" * 1990 + "speed", "nested too deeply; write fewer than 200 operations in a row"),
         ("+".join(["speed"] * 201), "nested too deeply"),
         ("-" * 2000 + "speed", "too long; write at most 2000 characters"),
-        ("place[0x" + "f" * 1990 + "]", "so no column 1"),
+        ("place[0x" + "f" * 1990 + "]", "so it has no column 1"),
         ("speed + 0x" + "f" * 1980, "a number beyond"),
     ],
 )

@@ -132,7 +132,7 @@ def test_a_variable_that_a_task_file_computes_does_not_go_back(tmp_path: Path):
     file.write_text(with_square((tmp_path / "first.py").read_text()))
     program = "def compute_reward(squared):\n    return squared, {'squared': squared}"
     graph = graph_of(registry.get(str(file)), program, record_states(str(file), worlds=4, steps=3, keep=2))
-    with pytest.raises(TaskError, match="reads `squared`, which only openeureka computes"):
+    with pytest.raises(TaskError, match="reads `squared`, which .* does not provide outside openeureka"):
         registry.get(str(file)).handed_back(graph, "")
 
 
@@ -176,12 +176,12 @@ def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden
         (
             'StateVar("pole_angle"',
             'StateVar("lean"',
-            "`places` has `pole_angle`, and `spec` has not; rename it in both",
+            "`places` lists `pole_angle`, but `spec` does not; rename it in both",
         ),
         (
             "slice(2, 3)",
             '"lean"',
-            "`pole_angle` is `lean` of `info`, which random play did not show. It showed no",
+            "`pole_angle` is `lean` of `info`, which the environment did not report in random play. It reported no",
         ),
     ],
 )

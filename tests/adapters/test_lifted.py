@@ -146,7 +146,7 @@ def test_one_substep_is_a_control_step_too():
 
 
 def test_a_model_that_no_gpu_solves_says_so():
-    with pytest.raises(TaskError, match="solved by PGS, on the CPU alone"):
+    with pytest.raises(TaskError, match="PGS solver, which runs only on the CPU"):
         registry.get("gym:Humanoid-v5").simulate(1, "cuda", 1)
 
 

@@ -87,7 +87,7 @@ def test_a_world_of_its_own_goes_on_where_it_was_and_a_batch_begins_anew(reach: 
         ("maniskill:Grab-v1", "ManiSkill has no Grab-v1; it has Bare-v1, Blind-v1, Reach-v1."),
         (
             "maniskill:Bare-v1+sim_backend=physx_cpu",
-            "type python -m mani_skill.utils.download_asset Bare-v1 with its Python.",
+            "run python -m mani_skill.utils.download_asset Bare-v1 with its Python.",
         ),
         ("maniskill:Blind-v1+sim_backend=physx_cpu", "without Vulkan"),
     ],

@@ -152,8 +152,8 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
         from dm_control import suite
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"this Python has no module {error.name}: type python -m venv dmc, then dmc/bin/pip install dm_control "
-            "'mujoco<4', and say python=dmc/bin/python"
+            f"this Python has no module {error.name}: run python -m venv dmc, then dmc/bin/pip install dm_control "
+            "'mujoco<4', and set python=dmc/bin/python"
         ) from None
     listed = [f"{domain}-{task}" for domain, task in suite.ALL_TASKS]
     domain, _, task = name.partition("-")
@@ -168,7 +168,7 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
             import mujoco
 
             raise ValueError(
-                f"this dm_control does not know MuJoCo {mujoco.__version__}: type pip install 'mujoco<4' in its Python"
+                f"this dm_control does not know MuJoCo {mujoco.__version__}: run pip install 'mujoco<4' in its Python"
             ) from None
         raise
     # Copied: compiling a model takes ten times as long.

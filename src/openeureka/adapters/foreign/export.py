@@ -23,7 +23,7 @@ def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: st
     """The text of the file. Raises TaskError for a suite without reward managers, and for a reward that reads the
     observation, which these suites compute after the reward."""
     if suite not in _TITLES:
-        raise TaskError(f"`{env}` is of no suite that rewards go back to; `best/reward.py` is the reward.")
+        raise TaskError(f"Rewards cannot be exported for the suite of `{env}`; the best reward is `best/reward.py`.")
     names = [name for name in spec.names if name not in ("obs_buf", "previous_obs_buf")]
     known = read(env, graph, names)
     readers = [scene.scene_state, *([scene.attribute_state] if suite == "isaaclab" else [])]

@@ -147,46 +147,44 @@ class Link:
                 env=env | ({"OMP_NUM_THREADS": str(threads)} if threads else {}),
             )
         except WorkerDied as error:
-            raise TaskError(f"{error} Say python=PATH, the Python that `{self._env}` is installed in.") from None
+            raise TaskError(f"{error} Set python=PATH to the Python that `{self._env}` is installed in.") from None
 
     def _greeted(self) -> None:
         try:
             hello = self._worker.receive(STARTING).header
         except WorkerTimeout:
-            raise TaskError(f"{self._python} does not begin to run within {STARTING:.0f} s.") from None
+            raise TaskError(f"{self._python} did not start within {STARTING:.0f} s.") from None
         except WorkerDied:
-            said = self._worker.last_words() or "it says nothing"
-            raise TaskError(f"{self._python} does not run the server of environments: {said.rstrip('.')}.") from None
+            said = self._worker.last_words() or "it printed nothing"
+            raise TaskError(f"{self._python} cannot run the environment server: {said.rstrip('.')}.") from None
         if hello.get("version") != VERSION:
             raise TaskError(
-                f"The server of environments in {self._python} is of version {hello.get('version')}, and version "
-                f"{VERSION} is needed: let it be the file of this openeureka."
+                f"The environment server in {self._python} is version {hello.get('version')}, but version {VERSION} is "
+                "needed: use the server file of this openeureka."
             )
 
     def _description(self, answer: Frame) -> Description:
         try:
             return shaped(Description, answer.header)
         except DecodeError as error:
-            raise TaskError(f"`{self._env}` describes itself in another way than is understood: {error}.") from None
+            raise TaskError(f"The description that `{self._env}` gives of itself is not valid: {error}.") from None
 
     def _asked(self, question: Mapping[str, Any], patience: float) -> Frame:
-        doing = {"describe": "making", "picture": "drawing"}.get(question["do"], f"a {question['do']} of")
+        doing = {"describe": "making", "step": "stepping", "reset": "resetting", "picture": "drawing"}[question["do"]]
         try:
             self._worker.send(question)
             answer = self._worker.receive(patience)
         except WorkerTimeout:
             self._worker.close()
-            raise WorkerError(
-                f"{self._python} did not come to an end of {doing} `{self._env}` in {patience:g} s."
-            ) from None
+            raise WorkerError(f"{self._python} did not finish {doing} `{self._env}` in {patience:g} s.") from None
         except WorkerDied:
             parts = (self._worker.ending(), self._worker.last_words())
             self._worker.close()
             said = " ".join(filter(None, parts))
-            raise WorkerError(f"{self._python} ended during {doing} `{self._env}`. {said}".rstrip()) from None
+            raise WorkerError(f"{self._python} ended while {doing} `{self._env}`. {said}".rstrip()) from None
         if "broken" in answer.header:
             failed = "cannot be made" if question["do"] == "describe" else "failed"
             said = answer.header["broken"]
-            lacking = f" {self._python} lacks it: python= names the interpreter that has it."
+            lacking = f" {self._python} lacks it: set python= to the interpreter that has it."
             raise TaskError(f"The environment `{self._env}` {failed}: {said}.{lacking if 'No module' in said else ''}")
         return answer

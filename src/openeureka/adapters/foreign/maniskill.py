@@ -135,8 +135,8 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
         from mani_skill.utils.registration import REGISTERED_ENVS
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"this Python has no module {error.name}: type python -m venv maniskill, then maniskill/bin/pip install "
-            "mani_skill torch, and say python=maniskill/bin/python"
+            f"this Python has no module {error.name}: run python -m venv maniskill, then maniskill/bin/pip install "
+            "mani_skill torch, and set python=maniskill/bin/python"
         ) from None
     if name not in REGISTERED_ENVS:
         raise ValueError(f"ManiSkill has no {name}; it has {', '.join(sorted(REGISTERED_ENVS))}")
@@ -150,14 +150,14 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
         envs: list[Any] = [gymnasium.make(name, num_envs=size, **given) for _ in range(worlds // size)]
     except EOFError:
         raise ValueError(
-            f"its assets are not here: type python -m mani_skill.utils.download_asset {name} with its Python"
+            f"its assets are missing: run python -m mani_skill.utils.download_asset {name} with its Python"
         ) from None
     except RuntimeError as error:
         if "rendering device" in str(error):
             raise ValueError(
-                "SAPIEN loads no model on a machine without Vulkan: install a GPU's driver and libvulkan1"
+                "SAPIEN cannot load models on a machine without Vulkan: install a GPU driver and libvulkan1"
             ) from None
         raise
     if not hasattr(envs[0].unwrapped.single_action_space, "low"):
-        raise ValueError("it drives several robots, each with actions of its own, and policies here drive one")
+        raise ValueError("it has several robots with separate actions, and policies here control only one")
     return Batches(envs)

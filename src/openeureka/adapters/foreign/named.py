@@ -185,6 +185,8 @@ class ForeignTask(GymTask):
     def simulate(cls, num_worlds: int, device: str, threads: int) -> ForeignWorlds:
         """Raises TaskError for any device but the CPU: what the other Python simulates on is its own setting."""
         if device != "cpu":
-            raise TaskError(f"`{cls.env}` steps elsewhere; leave device={device} out, and say env={cls.env}+device=...")
+            raise TaskError(
+                f"`{cls.env}` steps in its own Python; leave device={device} out, and write env={cls.env}+device=..."
+            )
         make = functools.partial(cls.opened, threads=threads)
         return ForeignWorlds(make, num_worlds, cls.survey, name=cls.env, episode=cls.episode_length)

@@ -139,7 +139,9 @@ class Memory:
         fits = value.size == place.size if flat else value.shape == place.shape
         if each and not fits:
             called = name if flat else name[6:]
-            raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one each")
+            raise ValueError(
+                f"`step` returns `{called}` of shape {value.shape}; {place.shape} is needed, one per world"
+            )
         place[...] = value.reshape(-1) if flat else value
 
 
@@ -163,7 +165,7 @@ class Server:
         for path, shape in ((path, numbers(part).shape) for path, part in parts.items()):
             if shape[:1] != (worlds,):
                 called = f"`{path}` of its observation" if path else "its observation"
-                raise ValueError(f"{called} has the shape {shape}; a row for each of {worlds} worlds is wanted")
+                raise ValueError(f"{called} has the shape {shape}; a row for each of {worlds} worlds is needed")
         state = _numeric(state, worlds)
         acting = about["actions"]
         choices = acting.get("choices")

@@ -64,7 +64,7 @@ class Vector:
         except Exception as error:
             if self.begun or not hasattr(self.env, "unwrapped") or hasattr(self.env.unwrapped, "num_envs"):
                 raise
-            raise ValueError("it is one environment; say env=gym:ID, or give a vector environment") from error
+            raise ValueError("it is a single environment; use env=gym:ID, or return a vector environment") from error
         self.begun = True
         return self._parts(observation), self._state(info)
 
@@ -136,7 +136,7 @@ def _actions(space: Any, env: Any) -> dict[str, Any]:
         return {"low": low, "high": high, "whole": whole, "shape": list(space.shape)}
     count = int(getattr(env, "num_actions", 0))
     if not count:
-        raise ValueError("it says neither `single_action_space` nor `num_actions`")
+        raise ValueError("it has neither `single_action_space` nor `num_actions`")
     return {"low": [-1.0] * count, "high": [1.0] * count, "shape": [count]}
 
 
@@ -158,7 +158,7 @@ def made(name: str) -> Any:
     """What `pkg.mod:factory` or `FILE.py:factory` names."""
     place, _, attribute = name.rpartition(":")
     if not place:
-        raise ValueError("name what makes the environment: pkg.mod:factory, or FILE.py:factory")
+        raise ValueError("name the factory of the environment: pkg.mod:factory or FILE.py:factory")
     file = os.path.expanduser(place)
     if place.endswith(".py") and not os.path.isfile(file):
         raise ValueError(f"there is no file {place}")

@@ -80,8 +80,8 @@ def read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
     for name in inputs(graph):
         if name not in known:
             raise TaskError(
-                f"The reward reads `{name}`, which only openeureka computes of `{env}`; train with a reward that does "
-                "without it, or hide it in the task's file."
+                f"The reward reads `{name}`, which `{env}` does not provide outside openeureka; train with a reward "
+                "that does without it, or hide it in the task's file."
             )
     return inputs(graph)
 

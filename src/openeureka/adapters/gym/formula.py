@@ -52,7 +52,7 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
     names = _names(tree)
     _check(tree, text, shapes)
     if not names:
-        raise TaskError(f"The fitness `{text:.80}` names nothing of the environment, which has {', '.join(shapes)}.")
+        raise TaskError(f"The fitness `{text:.80}` uses nothing of the environment, which has {', '.join(shapes)}.")
     return lambda values: _value(tree, values).to(torch.float32), names
 
 
@@ -68,7 +68,7 @@ def _parsed(text: str) -> ast.expr:
         tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise TaskError(
-            f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
+            f"The fitness `{text:.80}` is not an expression; write for example x_velocity - 0.1 * abs(z)."
         ) from None
     level: list[ast.expr] = [tree]
     for _ in range(_DEEPEST):
@@ -97,7 +97,7 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
         case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))):
             _expect_known(name, text, shapes)
             if len(shapes[name]) != 1 or column >= shapes[name][0]:
-                raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}, so no column {column}.")
+                raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}, so it has no column {column}.")
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
             _check(inner, text, shapes)
         case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _BINARY:
@@ -109,22 +109,22 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
         case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in _FUNCTIONS:
             if len(given) != (2 if name in ("min", "max") else 1):
                 raise TaskError(
-                    f"`{name}` in the fitness `{text:.80}` takes {2 if name in ('min', 'max') else 1} values."
+                    f"`{name}` in the fitness `{text:.80}` takes {'2 values' if name in ('min', 'max') else '1 value'}."
                 )
             for inner in given:
                 _check(inner, text, shapes)
         case _:
             raise TaskError(
-                f"`{ast.unparse(node):.60}` in the fitness `{text:.80}` is not understood; it may have numbers, names, "
-                f"+ - * / ** < >, and {', '.join(_FUNCTIONS)}."
+                f"`{ast.unparse(node):.60}` in the fitness `{text:.80}` is not understood; a fitness may have numbers, "
+                f"names, + - * / ** < >, and {', '.join(_FUNCTIONS)}."
             )
 
 
 def _expect_known(name: str, text: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
     if name not in shapes:
         raise TaskError(
-            f"The fitness `{text:.80}` names `{name}`, which random play did not show."
-            f"{nearest(name, shapes)} It showed {', '.join(shapes)}."
+            f"The fitness `{text:.80}` uses `{name}`, which the environment did not report in random play."
+            f"{nearest(name, shapes)} It reported {', '.join(shapes)}."
         )
 
 

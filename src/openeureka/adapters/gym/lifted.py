@@ -83,7 +83,9 @@ class LiftedTask(PaidTask):
     def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
         """Raises TaskError for a model whose solver no GPU simulator has: Humanoid's."""
         if device != "cpu" and cls.compile_model().opt.solver == mujoco.mjtSolver.mjSOL_PGS:
-            raise TaskError(f"The model of `{cls.env}` is solved by PGS, on the CPU alone; leave device={device} out.")
+            raise TaskError(
+                f"The model of `{cls.env}` needs the PGS solver, which runs only on the CPU; leave device={device} out."
+            )
         return super().simulate(num_worlds, device, threads)
 
     def apply_action(self, actions: Tensor) -> None:

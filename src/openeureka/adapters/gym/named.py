@@ -126,7 +126,9 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
     package, _, bare = name.rpartition(":")
     if package.endswith(".py"):
         module = Path(package).stem
-        raise TaskError(f"gym: takes a module, no file: say gym:{module}:{bare}, with its folder on PYTHONPATH.")
+        raise TaskError(
+            f"gym: takes a module, not a file: use gym:{module}:{bare}, and put the file's folder on PYTHONPATH."
+        )
     if not bare:
         raise TaskError("Name an environment of Gymnasium after gym:, for example env=gym:CartPole-v1.")
     with warnings.catch_warnings():
@@ -145,7 +147,7 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
                 return make()  # its class lists the mode, but its constructor does not take `render_mode`
         except error.DependencyNotInstalled as fault:
             raise TaskError(
-                f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
+                f"{bare} needs a package that is not installed ({_line(fault)}): pip install 'openeureka[gym]'."
             ) from None
         except error.Error as fault:
             if bare in gymnasium.registry:
@@ -196,7 +198,7 @@ def _hints(package: str, bare: str, fault: Exception) -> str:
     near = nearest(bare, gymnasium.registry)
     if isinstance(fault, error.DeprecatedEnv):
         return f"{near} {_line(fault)}"
-    return near if package else f"{near} If a package registers it, name that first: gym:PACKAGE:ID."
+    return near if package else f"{near} If a package registers it, name the package first: gym:PACKAGE:ID."
 
 
 def _line(fault: Exception) -> str:

@@ -73,7 +73,7 @@ def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
     """(N, sum(counts)) one-hot form of whole numbers (N, len(counts)). Raises ValueError for one out of range."""
     for i, count in enumerate(counts):
         if not ((values[:, i] >= 0) & (values[:, i] < count)).all():
-            raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the first of its space")
+            raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the `start` of its space")
     ones = np.zeros((len(values), sum(counts)), np.float32)
     np.put_along_axis(ones, values.astype(np.int64) + np.cumsum([0, *counts[:-1]]), 1.0, axis=1)
     return ones
@@ -107,7 +107,9 @@ def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator
     elif isinstance(space, spaces.Box | spaces.MultiBinary):
         yield Part(path, space, space.shape or (1,))
     elif space.dtype is None or space.dtype.kind != "U":  # texts, whatever class they are of
-        raise TaskError(f"`{env}` observes a {type(space).__name__}, which has no fixed size; wrap it in a Box.")
+        raise TaskError(
+            f"`{env}` observes a {type(space).__name__}, which has no fixed size; wrap it to observe a Box."
+        )
 
 
 def _is_picture(space: spaces.Box) -> bool:
@@ -189,7 +191,7 @@ def actions(space: Space[Any], env: str) -> Actions:
         choices = (2,) * int(np.prod(space.shape))
     else:
         raise TaskError(
-            f"`{env}` takes actions of a {type(space).__name__}; policies here know Box, Discrete, MultiDiscrete and "
-            "MultiBinary: wrap it."
+            f"`{env}` has actions of the space {type(space).__name__}; policies here know Box, Discrete, MultiDiscrete "
+            "and MultiBinary: wrap the environment."
         )
     return Actions(space, sum(choices), choices)

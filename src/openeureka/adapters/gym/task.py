@@ -135,7 +135,7 @@ class GymTask(PaidTask):
     def simulate(cls, num_worlds: int, device: str, threads: int) -> Any:
         """Raises TaskError for any device but the CPU, where Gymnasium steps."""
         if device != "cpu":
-            raise TaskError(f"`{cls.env}` steps itself, on the CPU alone; leave device={device} out.")
+            raise TaskError(f"`{cls.env}` steps itself, only on the CPU; leave device={device} out.")
         return GymWorlds(cls.make, num_worlds, cls.survey, name=cls.env, episode=cls.episode_length)
 
     def compute_state(self) -> dict[str, Any]:
@@ -178,11 +178,11 @@ def cut(
     """
     for name, place in places.items():
         if name not in shapes:
-            raise TaskError(f"`places` has `{name}`, and `spec` has not; rename it in both, or delete it in both.")
+            raise TaskError(f"`places` lists `{name}`, but `spec` does not; rename it in both, or delete it in both.")
         if isinstance(place, str) and place not in info:
             raise TaskError(
-                f"`places` says that `{name}` is `{place}` of `info`, which random play did not show."
-                f"{nearest(place, info)} It showed {', '.join(info) or 'nothing'}."
+                f"`places` says that `{name}` is `{place}` of `info`, which the environment did not report in random "
+                f"play.{nearest(place, info)} It reported {', '.join(info) or 'nothing'}."
             )
     return {
         name: info[place] if isinstance(place, str) else observation[:, place].reshape(-1, *shapes[name])

@@ -40,7 +40,7 @@ class Together(SyncVectorEnv):
             if (now := np.shape(value)) == shape:
                 kept[env_num] = value
             elif name in self._wanted:
-                raise ValueError(f"`{name}` of `info` has the shape {now}, and had {shape}; let it keep one")
+                raise ValueError(f"`{name}` of `info` has the shape {now}, but had {shape} before; keep it the same")
         return vector_infos
 
 
