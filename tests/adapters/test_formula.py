@@ -40,7 +40,9 @@ def test_a_number_that_is_infinite_in_32_bits_is_refused(number: str):
 
 @pytest.mark.parametrize("text", ["plce", "plce[1]"])
 def test_a_name_that_is_not_there_is_told_with_the_one_that_may_be_meant(text: str):
-    with pytest.raises(TaskError, match=r"uses `plce`, which .* did not report in random play\. Did you mean `place`\?"):
+    with pytest.raises(
+        TaskError, match=r"uses `plce`, which .* did not report in random play\. Did you mean `place`\?"
+    ):
         formula(text, SHAPES)
 
 

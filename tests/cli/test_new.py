@@ -60,7 +60,7 @@ def test_a_draft_without_an_intent_asks_for_one(robot, capsys):
     assert run("new", "disk.py", "model=disk.xml") == 0
     printed = capsys.readouterr().out
     assert "Wrote disk.py: 2 observations, 1 actions.\n" in printed
-    assert "no hinge or slide that is driven takes disk elsewhere" in printed
+    assert "no driven hinge or slide moves disk to another place" in printed
     assert "A search also needs the aim in words: write it in `description`, or give intent=." in printed
     assert run("context", "env=disk.py") == 2
     assert "`description` of the task `disk` is empty" in capsys.readouterr().err
@@ -164,10 +164,10 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
         (["model=cart.xml"], 2, "Name exactly one path"),
         (["there.py", "model=cart.xml"], 2, "there.py exists already"),
         (["nowhere/cart.py", "model=cart.xml"], 2, "There is no folder nowhere"),
-        (["cart.py", "model=other.xml"], 2, "There is no model other.xml"),
+        (["cart.py", "model=other.xml"], 2, "There is no file other.xml"),
         (["cart.py", "modle=cart.xml"], 2, "modle"),
         (["cart.py", "model=cart.xml", "object=cat"], 2, "Did you mean `cart`?"),
-        (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is for a URDF"),
+        (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is only for a URDF"),
         (["cart.py", "env=gym:CartPole-v1", "goal=cart"], 2, "leave them out with env="),
         (['c"art.py', "model=cart.xml"], 2, 'c"art.py has a character that is not allowed here'),
         (["cart.py", 'model=c"art.xml'], 2, "such as a quote or backslash; rename it."),

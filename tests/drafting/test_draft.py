@@ -505,7 +505,7 @@ def test_what_a_draft_cannot_move_is_told_without_saying_that_nothing_floats(tmp
     sticky = (
         DRONE[: DRONE.index("<actuator>")] + '<actuator><adhesion body="frame" ctrlrange="0 1"/></actuator></mujoco>'
     )
-    with pytest.raises(TaskError, match="No actuator of the model drives a joint or a tendon, or pushes what floats"):
+    with pytest.raises(TaskError, match="No actuator of the model drives a joint or a tendon, or pushes a floating"):
         draft(tmp_path / "odd.py", odd(tmp_path, sticky))
 
 
@@ -515,7 +515,7 @@ def test_a_comment_about_a_robot_makes_no_urdf(tmp_path: Path):
 
 def test_a_model_by_another_ending_is_to_be_renamed(tmp_path: Path):
     robot = odd(tmp_path, TABLE).rename(tmp_path / "odd.mjcf")
-    with pytest.raises(TaskError, match=r"odd\.mjcf: it knows a model by the ending \.xml; rename it to odd\.xml\.$"):
+    with pytest.raises(TaskError, match=r"odd\.mjcf: the name of a model must end in \.xml; rename it to odd\.xml\.$"):
         draft(tmp_path / "odd.py", robot)
 
 
@@ -586,7 +586,7 @@ def test_an_intent_is_taken_as_it_is_said(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        (None, "There is no model"),
+        (None, "There is no file"),
         ("<mujoco><worldbody><body></worldbody></mujoco>", "MuJoCo cannot read"),
         ("<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>", "has no actuators"),
     ],

@@ -66,17 +66,19 @@ def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thi
 def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
     mover = _by_name(survey, thing) if thing else _default_mover(survey)
     if not survey.moves(mover):
-        raise TaskError(f"`{mover.name}` is fixed to the world, or mocap; object= names something that moves.")
+        raise TaskError(f"`{mover.name}` is fixed to the world or mocap; name something that moves with object=NAME.")
     if goal:
         mark = _by_name(survey, goal)
         if not survey.has_middle(mark):
-            raise TaskError(f"`{mark.name}` is as wide as the ground, so nothing is at it; goal= names a place on it.")
+            raise TaskError(f"`{mark.name}` is a plane or a height field; name a single place on it with goal=NAME.")
         if survey.are_one(mover, mark):
-            raise TaskError(f"`{mark.name}` moves with `{mover.name}`, so F would be constant; goal= names another.")
+            raise TaskError(
+                f"`{mark.name}` moves with `{mover.name}`, so F would be constant; name another place with goal=NAME."
+            )
         return _bring(survey, mover, mark)
     marks = _marks(survey, mover)
     if not marks:
-        raise TaskError("The model has no body, site or geom named goal or target; say where with goal=NAME.")
+        raise TaskError("The model has no body, site or geom named goal or target; name the place with goal=NAME.")
     return _bring(survey, mover, _fitting(mover, marks))
 
 
@@ -108,9 +110,9 @@ def _run(survey: Survey) -> Aim:
     called = survey.root.name
     doubt = ""
     if survey.rises and not survey.has_ground:
-        doubt = "But nothing is below it, so it falls: name a model that has a floor, often a scene.xml."
+        doubt = "But the model has no floor, so the robot falls: name a model that has one, often a scene.xml."
     elif survey.rises and not survey.can_stand:
-        doubt = "But nothing of it collides with the floor, so it falls: give its links shapes that collide."
+        doubt = "But no part of the robot collides with the floor, so it falls: give its links collision shapes."
     return Aim(
         measure=f"the mean speed of {called} along x [m/s]",
         description=f"to make {called} move forward, along x, as fast as possible",
@@ -121,15 +123,15 @@ def _run(survey: Survey) -> Aim:
 def _reach_a_point(survey: Survey, mover: Point) -> Aim:
     """Bring a part of the robot to a made-up point: where the random pose of median distance takes it."""
     if survey.is_held(mover):
-        return _unsaid(f"an equality of the model ties joints that carry {mover.name}, so its reach is unknown")
+        return _unsaid(f"an equality constraint couples the joints that carry {mover.name}, so its reach is unknown")
     start = survey.where(mover)
     reach = sorted(survey.reach(mover, POSES), key=lambda place: float(np.linalg.norm(place - start)))
     point = reach[POSES // 2].round(3)
     reached = max(NEAREST, round(NEAR * float(np.linalg.norm(point - start)), 3))
     if np.linalg.norm(point - start) < reached:
-        return _unsaid(f"no hinge or slide that is driven takes {mover.name} elsewhere")
+        return _unsaid(f"no driven hinge or slide moves {mover.name} to another place")
     where = f"({', '.join(f'{x:g}' for x in point)})"
-    why = "No goal of the model would do" if _marks(survey, mover) else "The model has no goal"
+    why = "No goal of the model is usable" if _marks(survey, mover) else "The model has no goal"
     return Aim(
         measure=f"the share of time that {mover.name} is within {reached:g} m of a point within its reach, {where}",
         description=f"to bring {mover.name} to the goal",
@@ -149,12 +151,12 @@ def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     hand = None if survey.is_robots(mover) else survey.root or _tip(survey)
     there, doubt = distance < reached, ""
     if there:
-        doubt = f"{mover.name} is there at the start: move one of them, in the model or in `reset`."
+        doubt = f"{mover.name} is there from the start: move it or the goal, in the model or in `reset`."
     elif survey.is_robots(mover) and survey.base is None and not survey.is_held(mover):
         reach = survey.reach(mover, POSES)
         least = float(np.linalg.norm(reach - survey.where(goal), axis=1).min()) if not survey.moves(goal) else 0.0
         if least > 2.0 * reached:
-            doubt = f"In {POSES} random poses {mover.name} came no nearer than {least:.2g} m: is the goal within reach?"
+            doubt = f"In {POSES} random poses {mover.name} came no closer than {least:.2g} m: is the goal within reach?"
     return Aim(
         measure=f"the share of time that {mover.name} is within {reached:g} m of {goal.name}",
         description=f"to bring {mover.name} to {goal.name}",
@@ -213,7 +215,7 @@ class _Reader:
         content = [word for word in self.words if word not in _FILLERS | self.itself]
         if (_RUN | {_stem("fast")}) & set(content) and set(content) <= _RUN | _MANNER and not _falls(content):
             if self.survey.base is None:
-                return _unsaid("no joint without a motor carries the robot along x, so it counts as fixed")
+                return _unsaid("no joint without an actuator lets the robot move along x, so it counts as fixed")
             return _run(self.survey)
         if not content or content[0] not in _BRING | _TOUCH:
             return self._unknown(content)
@@ -240,7 +242,7 @@ class _Reader:
             goals = [place for place in goals if _shared(mover, place) == likeliest]
             goals = goals[:1] if len({place.body for place in goals}) == 1 else goals
         if len(goals) == 1 and not survey.has_middle(goals[0]):
-            return _unsaid(f"{goals[0].name} is as wide as the ground, which says no place for {mover.name}")
+            return _unsaid(f"{goals[0].name} is a plane or a height field, not a single place for {mover.name}")
         if len(goals) == 1:
             return _bring(survey, mover, goals[0])
         if not goals and set(goal_words) == {"goal"} and survey.is_robots(mover) and survey.base is None:
@@ -260,7 +262,7 @@ class _Reader:
     def _unknown(self, words: Sequence[str], several: Sequence[Point] = ()) -> Aim:
         """An aim without F, which tells the words that were not understood, or what they may stand for."""
         if several:
-            return _unsaid(f"it may mean {' or '.join(dict.fromkeys(place.name for place in several))}")
+            return _unsaid(f"the sentence may mean {' or '.join(dict.fromkeys(place.name for place in several))}")
         names = {word for place in self.survey.places() for word in _words(place.name)}
         known = names | _RUN | _MANNER | _BRING | _TOUCH | _PLACED
         strange = [word for word in dict.fromkeys(words) if word not in known]

@@ -70,7 +70,7 @@ def draft(
     """
     urdf = _is_urdf(robot)
     if floating and not urdf:
-        raise TaskError("`floating` is for a URDF, which cannot say it; in a MuJoCo model, write <freejoint/>.")
+        raise TaskError("`floating` is only for a URDF; in a MuJoCo model, add <freejoint/> to the root body.")
     model = _read(robot, urdf, floating)
     survey = Survey(model)
     aim = find_aim(survey, intent, names=(path.stem, robot.stem), thing=thing, goal=goal)
@@ -129,9 +129,9 @@ def class_name(path: Path) -> str:
 
 def _is_urdf(robot: Path) -> bool:
     if not robot.is_file():
-        raise TaskError(f"There is no model {robot}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
+        raise TaskError(f"There is no file {robot}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
     if robot.suffix.lower() == ".xacro":
-        raise TaskError(f"{robot} is a program that writes a URDF; run `xacro {robot} > robot.urdf`, and name that.")
+        raise TaskError(f"{robot} is not a URDF yet; run `xacro {robot} > robot.urdf`, and use model=robot.urdf.")
     text = robot.read_text(encoding="utf-8", errors="replace")
     return robot.suffix.lower() == ".urdf" or "<robot" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)[:4096]
 
@@ -144,7 +144,7 @@ def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
     except (ValueError, mujoco.FatalError) as error:
         said = " ".join(str(error).split())
         if "could not find decoder" in said:
-            said = f"it knows a model by the ending .xml; rename it to {robot.with_suffix('.xml').name}"
+            said = f"the name of a model must end in .xml; rename it to {robot.with_suffix('.xml').name}"
         raise TaskError(f"MuJoCo cannot read {robot}: {said}.") from None
     if not model.nu:
         raise TaskError(f"{robot} has no actuators, so nothing can move it; add some to the model.")

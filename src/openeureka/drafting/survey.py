@@ -74,8 +74,8 @@ class Survey:
         self.links = [Point(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
         if self.base is None and not self.links:
             raise TaskError(
-                "No actuator of the model drives a joint or a tendon, or pushes what floats at a site, so a draft does"
-                " not know what moves: let one drive a joint, or write the task by hand."
+                "No actuator of the model drives a joint or a tendon, or pushes a floating body at a site, so a draft"
+                " cannot tell what moves: add an actuator that drives a joint, or write the task by hand."
             )
         self.objects = self._objects()
 

@@ -151,7 +151,7 @@ class StateTable:
             self.lines.append("self.joints, self.dofs = names.joints(JOINTS)")
         else:
             self.lines.append(
-                "# Not all joints have a name, so these are numbers, which an edit of the model may move."
+                "# Some joints have no name, so these are indices, which an edit of the model may change."
             )
             for name, numbers in (("joints", self.model.jnt_qposadr), ("dofs", self.model.jnt_dofadr)):
                 self.lines.append(f"self.{name} = torch.tensor({numbers[joints].tolist()}, device=self.device)")
