@@ -328,7 +328,7 @@ def test_a_model_that_is_an_object_costs_what_price_says(tmp_path):
     assert sum(reply.usage.cost_usd for reply in read_replies(run.directory)) == pytest.approx(0.16)
     with pytest.raises(BudgetError, match=r"max_cost=0\.1: 0\.08 are spent"):
         search(tmp_path / "stopped", counting(), price="2,4", max_cost=0.1)
-    with pytest.raises(ConfigError, match=r"The price of scripted is not known.*, or price=0,0 where"):
+    with pytest.raises(ConfigError, match=r"The price of scripted is not known.*, or price=0,0 if"):
         search(tmp_path / "refused", counting(), max_cost=1.0)
     assert not (tmp_path / "refused").exists()
 

@@ -99,8 +99,8 @@ def test_what_may_pass_is_tried_again(endpoint: Endpoint, bad: Answer):
 @pytest.mark.parametrize(
     ("bad", "sentence"),
     [
-        (CUT, "breaks off its answers"),
-        (raw(GOOD[:100]), "an answer that breaks off"),
+        (CUT, "broke off; try again"),
+        (raw(GOOD[:100]), "its answer was cut off"),
         (replaced(choices=None, error={"message": "the provider is busy"}), "the provider is busy"),
     ],
 )
@@ -153,7 +153,7 @@ def test_an_endpoint_that_hangs_is_asked_twice(
     endpoint.script = lambda body: before.pop() if before else hang
     asked, model = len(before) + 2, endpoint.model()
     try:
-        with pytest.raises(ModelError, match="did not answer: it may take"):
+        with pytest.raises(ModelError, match="did not answer: it has"):
             for _ in range(2):
                 sample(model, 1)
     finally:
@@ -177,7 +177,7 @@ def test_an_endpoint_that_answers_blanks_for_ever_is_left(endpoint: Endpoint, mo
 
     endpoint.script = lambda body: blanks
     try:
-        assert "did not answer: it may take" in said(endpoint)
+        assert "did not answer: it has" in said(endpoint)
     finally:
         done.set()
     assert len(endpoint.bodies) == 1
@@ -204,21 +204,21 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
         (failure(401), "refused the key"),
         (failure(403, "Country not supported"), "refuses access (Error code: 403 - Country not supported); check what"),
         (failure(404, "your data policy"), "no model `m` for you (Error code: 404 - your data policy); check model="),
-        (failure(402, "pay first"), "refuses the request (Error code: 402 - pay first); mend that"),
-        (failure(400, "9000 tokens are too many"), "(Error code: 400 - 9000 tokens are too many); mend that"),
-        ((400, {"error": "9000 tokens are too many"}, {}), "(Error code: 400 - 9000 tokens are too many); mend that"),
-        ((402, {"detail": "pay first"}, {}), "(Error code: 402 - pay first); mend that"),
-        ((413, "too\nlong", {}), "(Error code: 413 - too long); mend that"),
+        (failure(402, "pay first"), "refuses the request (Error code: 402 - pay first); fix that"),
+        (failure(400, "9000 tokens are too many"), "(Error code: 400 - 9000 tokens are too many); fix that"),
+        ((400, {"error": "9000 tokens are too many"}, {}), "(Error code: 400 - 9000 tokens are too many); fix that"),
+        ((402, {"detail": "pay first"}, {}), "(Error code: 402 - pay first); fix that"),
+        ((413, "too\nlong", {}), "(Error code: 413 - too long); fix that"),
         ((404, "<html>nothing here</html>", {}), "(Error code: 404); check model="),
         (
             (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),
-            "(Error code: 422 - ['body', 'model']: none of ours); mend that",
+            "(Error code: 422 - ['body', 'model']: none of ours); fix that",
         ),  # FastAPI
         (raw(b"<html>welcome</html>"), "an OpenAI-compatible endpoint (its answer is a web page); check base_url"),
-        (raw(b'data: {"choices": []}\n\ndata: [DONE]\n\n'), "endpoint (it streams its answers, which nobody asked for"),
+        (raw(b'data: {"choices": []}\n\ndata: [DONE]\n\n'), "endpoint (it streams its answers without being asked to"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
-        (raw(b'{"object": "list"}'), "an answer without choices"),
+        (raw(b'{"object": "list"}'), "its answer has no choices"),
         (
             raw(b'{"error": "Unexpected endpoint or method. (POST /chat/completions)"}'),
             "which often ends in /v1",
@@ -238,7 +238,7 @@ def test_a_proxy_before_a_server_of_this_machine_is_named(monkeypatch: pytest.Mo
     proxy.script = lambda body: failure(status, "nothing there")
     monkeypatch.setenv("HTTP_PROXY", proxy.url.replace("http://", "http://me:secret@"))
     told = said(proxy, base_url="http://localhost:1/v1")
-    assert f" Requests go through the proxy {proxy.url}; NO_PROXY=localhost goes around it." in told
+    assert f" Requests go through the proxy {proxy.url}; set NO_PROXY=localhost to bypass it." in told
     monkeypatch.setenv("NO_PROXY", "localhost")
     assert "proxy" not in said(proxy, base_url="http://localhost:1/v1")
     proxy.close()
@@ -256,33 +256,33 @@ def test_a_redirect_is_not_followed_and_the_key_not_sent_there(endpoint: Endpoin
     endpoint.script = lambda body: (307, "", {"Location": f"{other.url}/chat/completions?token={KEY}"})
     sentence = said(endpoint)
     other.close()
-    assert f"sends requests on to {other.url}; set base_url=" in sentence
+    assert f"redirects requests to {other.url}; set base_url=" in sentence
     assert other.bodies == [] and KEY not in sentence
 
 
 def test_a_redirect_to_another_path_of_the_endpoint_names_the_whole_address(endpoint: Endpoint):
     endpoint.script = [(308, "", {"Location": "/api/v2/chat/completions"})]
-    assert f"sends requests on to {endpoint.url.removesuffix('/v1')}/api/v2; set base_url=" in said(endpoint)
+    assert f"redirects requests to {endpoint.url.removesuffix('/v1')}/api/v2; set base_url=" in said(endpoint)
 
 
 def test_a_redirect_to_no_address_is_one_sentence(endpoint: Endpoint):
     endpoint.script = [(307, "", {"Location": "http://["})]
-    assert "sends requests on to what is no address" in said(endpoint)
+    assert "redirects requests to an invalid address" in said(endpoint)
 
 
 @pytest.mark.parametrize(
     "url", ["http://localhost:port/v1", "http://[::1/v1", "http://a..b/v1", f"http://{'a' * 64}/v1"]
 )
 def test_an_address_that_is_none_is_one_sentence(url: str):
-    with pytest.raises(ConfigError, match="The address of the model's endpoint is none"):
+    with pytest.raises(ConfigError, match="The address of the model's endpoint is not valid"):
         EndpointModel("m", base_url=url)
 
 
 @pytest.mark.parametrize(
     ("variable", "value", "sentence"),
     [
-        ("HTTPS_PROXY", "ftp://proxy:3128", "holds what is no address"),
-        ("HTTP_PROXY", "http://me:secret@proxy:x", "holds what is no address"),
+        ("HTTPS_PROXY", "ftp://proxy:3128", "is not a valid address"),
+        ("HTTP_PROXY", "http://me:secret@proxy:x", "is not a valid address"),
         ("SSL_CERT_FILE", "/nowhere/ca.pem", r"cannot be read \(No such file"),
     ],
 )
@@ -372,7 +372,7 @@ def test_a_reply_of_5_megabytes_arrives(endpoint: Endpoint):
 def test_a_body_nested_too_deep_is_an_answer_that_breaks_off(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(openai, "ATTEMPTS", 1)
     endpoint.script = [raw(b'{"a":' * 100_000)]
-    assert "breaks off" in said(endpoint)
+    assert "was cut off" in said(endpoint)
 
 
 # --- the key ---------------------------------------------------------------------------------------------------------
@@ -449,7 +449,7 @@ def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refu
     sample(endpoint.model(), 1)
     assert endpoint.keys == [f"Bearer {KEY}"]
     monkeypatch.setenv("OPENAI_API_KEY", "sk-ключ")
-    with pytest.raises(ModelError, match="set it anew") as caught:
+    with pytest.raises(ModelError, match="set it again") as caught:
         endpoint.model()
     assert "ключ" not in str(caught.value)
 

@@ -114,7 +114,7 @@ def test_what_a_killed_download_left_is_no_obstacle(served: Hub, tmp_path: Path)
 
 def test_other_bytes_are_refused_and_removed(served: Hub, tmp_path: Path):
     served.data = DATA[::-1]
-    with pytest.raises(ModelError, match=f"did not give the file with sha256 {SHA[:12]}"):
+    with pytest.raises(ModelError, match=f"does not have the sha256 {SHA[:12]}"):
         hub.fetch(NAME, tmp_path)
     assert left(tmp_path) == []
 
@@ -127,7 +127,7 @@ def test_a_file_of_another_length_than_the_hub_says_is_refused(served: Hub, tmp_
 
 
 def test_a_stated_hash_must_hold_and_replaces_one_the_hub_does_not_give(served: Hub, tmp_path: Path):
-    with pytest.raises(ModelError, match="did not give the file"):
+    with pytest.raises(ModelError, match="does not have the sha256"):
         hub.fetch(f"{NAME}@{'1' * 64}", tmp_path)
     served.published = "no-hash"
     with pytest.raises(ModelError, match="append @SHA256"):
@@ -137,7 +137,7 @@ def test_a_stated_hash_must_hold_and_replaces_one_the_hub_does_not_give(served: 
 
 def test_a_hash_that_is_stated_later_is_not_taken_to_hold_of_what_is_there(served: Hub, tmp_path: Path):
     hub.fetch(NAME, tmp_path)
-    with pytest.raises(ModelError, match="did not give the file"):
+    with pytest.raises(ModelError, match="does not have the sha256"):
         hub.fetch(f"{NAME}@{'1' * 64}", tmp_path)
     pinned = hub.fetch(f"{NAME}@{SHA}", tmp_path)
     assert pinned == hub.fetch(f"{NAME}@{SHA}", tmp_path) != hub.fetch(NAME, tmp_path)

@@ -65,7 +65,7 @@ def test_the_process_starts_with_a_sample_grows_with_need_and_starts_again_after
     [
         ("missing", r"pip install 'openeureka\[local\]'"),
         ("load", "cannot load the weights .the reason."),
-        ("dies", "process ended or hung .it said nothing."),
+        ("dies", "process ended or hung .it printed nothing."),
         ("hangs up", "process ended or hung .out of memory."),
     ],
 )

@@ -249,7 +249,7 @@ def test_a_temperature_that_is_refused_is_said_once(endpoint: Endpoint, caplog: 
     model = endpoint.model(temperature=3.0)
     sample(model, 1), sample(model, 1)
     assert [record.message for record in caplog.records if "temperature" in record.message] == [
-        "m takes no temperature of 3: it uses its own."
+        "m does not accept temperature=3: it uses its own."
     ]
 
 
@@ -264,7 +264,7 @@ def test_an_unknown_price_is_said_once(endpoint: Endpoint, caplog: pytest.LogCap
 
 
 def test_without_key_and_base_url_it_says_what_to_set():
-    with pytest.raises(ModelError, match="OPENAI_API_KEY, or base_url="):
+    with pytest.raises(ModelError, match="OPENAI_API_KEY, set base_url="):
         EndpointModel("gpt-5", price=Price(1, 1))
 
 

@@ -76,7 +76,7 @@ def test_a_model_of_ones_own_costs_what_price_says():
     # 1000 tokens at 2 $/M and 200 at 10 $/M: 0.002 + 0.002
     assert costs(price="2,10", max_cost=1.0) == pytest.approx([0.004, 0.5, 0.0])
     assert costs(price="0,0", max_cost=1.0) == costs() == [0.0, 0.5, 0.0]
-    with pytest.raises(ConfigError, match=r"max_cost cannot be kept; add price=INPUT,OUTPUT, or price=0,0 where"):
+    with pytest.raises(ConfigError, match=r"max_cost cannot be enforced; add price=INPUT,OUTPUT, or price=0,0 if"):
         costs(max_cost=1.0)
 
 
@@ -164,7 +164,7 @@ def test_a_file_of_replies_gives_them_in_order(tmp_path: Path):
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"model": "a", "replies": "b"}', '{"model": "a", "replies": [1]}'])
 def test_a_file_of_anything_else_is_refused(tmp_path: Path, text: str):
     (tmp_path / "ant.json").write_text(text)
-    with pytest.raises(ConfigError, match="is no file of replies: it must hold"):
+    with pytest.raises(ConfigError, match="is not a file of replies: it must hold"):
         open_model(RunConfig(model=f"replay:{tmp_path}/ant.json"))
     with pytest.raises(ConfigError, match="Cannot read the replies"):
         open_model(RunConfig(model=f"replay:{tmp_path}/none.json"))

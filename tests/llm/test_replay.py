@@ -27,5 +27,5 @@ def test_tokens_are_kept_and_nothing_is_paid_twice():
 
 
 def test_a_recording_that_ends_early_is_one_sentence():
-    with pytest.raises(ModelError, match="holds 5 replies and this run needs more"):
+    with pytest.raises(ModelError, match="holds 5 replies, but this run needs more"):
         texts(ReplayModel(RECORDED, "free"), 6)

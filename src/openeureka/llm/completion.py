@@ -12,8 +12,8 @@ from ..reward import extract
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
 _OTHER_FORMS = {
-    "data:": "it streams its answers, which nobody asked for: switch that off there",
-    "event:": "it streams its answers, which nobody asked for: switch that off there",
+    "data:": "it streams its answers without being asked to: switch streaming off there",
+    "event:": "it streams its answers without being asked to: switch streaming off there",
     "<": "its answer is a web page",
 }
 """Beginning of an answer that is not JSON -> what this answer is."""
@@ -63,7 +63,7 @@ def read(body: bytes) -> Completion:
         # LM Studio says this to an address without /v1, which another try does not mend.
         raise Unreadable(said, broken="unexpected endpoint" not in said.lower())
     if not isinstance(choices, list):
-        raise Unreadable("an answer without choices", broken=False)
+        raise Unreadable("its answer has no choices", broken=False)
     usage = _mapping(data.get("usage"))
     asked, answered, total = (_count(usage.get(f"{kind}_tokens")) for kind in ("prompt", "completion", "total"))
     model = data.get("model")
@@ -86,10 +86,10 @@ def _object(body: bytes) -> Mapping[str, Any]:
                 raise Unreadable(reason, broken=False) from None
         # An answer that begins like an object and is none was cut off or damaged on the way.
         broken = not text or text.startswith("{")
-        reason = "an answer that breaks off" if broken else "an answer of another form"
+        reason = "its answer was cut off" if broken else "its answer is not a JSON object"
         raise Unreadable(reason, broken=broken) from None
     if not isinstance(data, dict):
-        raise Unreadable("an answer of another form", broken=False)
+        raise Unreadable("its answer is not a JSON object", broken=False)
     return data
 
 

@@ -30,11 +30,11 @@ def api_key(base_url: str) -> str:
     key = os.environ.get("OPENAI_API_KEY", "").strip()
     if not key and not base_url:
         raise ModelError(
-            "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, or base_url= to a "
-            "server that needs none, or choose model=local."
+            "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, set base_url= to a "
+            "server that needs no key, or choose model=local."
         )
     if not (key.isascii() and key.isprintable()):
-        raise ModelError("The environment variable OPENAI_API_KEY holds signs that no key has; set it anew.")
+        raise ModelError("The environment variable OPENAI_API_KEY has characters that no key has; set it again.")
     return key or "none"
 
 
@@ -60,7 +60,7 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
         ) from None
     except (ValueError, httpx2.InvalidURL):  # their texts may hold a password
         raise ConfigError(
-            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
+            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY is not a valid address; correct it or unset it."
         ) from None
     timeout = httpx2.Timeout(silence, connect=CONNECT)
     try:
@@ -69,7 +69,7 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
         made.base_url.raw_host.decode().encode("idna")  # else a socket would fail at it in the middle of a request
     except (httpx2.InvalidURL, UnicodeError):
         raise ConfigError(
-            "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
+            "The address of the model's endpoint is not valid; write it like base_url=http://localhost:8000/v1."
         ) from None
     return made
 
@@ -79,7 +79,7 @@ def shown(url: str) -> str:
     try:
         parts = urlsplit(url)
     except ValueError:
-        return "what is no address"
+        return "an invalid address"
     return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
 
 
@@ -88,7 +88,7 @@ def base_of(asked: str, location: str) -> str:
     try:
         target = urljoin(asked, location)
     except ValueError:
-        return "what is no address"
+        return "an invalid address"
     return shown(target).removesuffix("/chat/completions")
 
 
@@ -99,7 +99,7 @@ def detour(url: str) -> str:
     if not (proxy and parts.hostname) or proxy_bypass(parts.hostname):
         return ""
     proxy = shown(proxy if "://" in proxy else f"http://{proxy}")  # `shown` finds no password without a scheme
-    return f" Requests go through the proxy {proxy}; NO_PROXY={parts.hostname} goes around it."
+    return f" Requests go through the proxy {proxy}; set NO_PROXY={parts.hostname} to bypass it."
 
 
 def delay(headers: Mapping[str, str], attempt: int) -> float:

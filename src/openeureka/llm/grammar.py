@@ -27,8 +27,8 @@ def offered(spec: StateSpec) -> tuple[StateVar, ...]:
     variables = tuple(v for v in spec.variables if v.use != "raw" and v.kind == "world" and len(v.shape) <= 1)
     if not variables:
         raise TaskError(
-            "This task marks no state variable as zero_centred, directional or point, so the typed grammar has nothing "
-            "to offer: set `use` in its StateSpec, or choose a model that writes free text (model=NAME)."
+            "This task marks no state variable as zero_centred, directional or point, so the typed grammar has no "
+            "variables: set `use` in its StateSpec, or choose a model that writes free text (model=NAME)."
         )
     return variables
 

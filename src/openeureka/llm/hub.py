@@ -60,7 +60,7 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
         from huggingface_hub.errors import HfHubHTTPError, HFValidationError, XetDownloadError
         from huggingface_hub.utils import disable_progress_bars
     except ImportError:
-        raise ModelError("A model hub needs a library; pip install 'openeureka[local]'.") from None
+        raise ModelError("A model hub needs the package huggingface_hub; pip install 'openeureka[local]'.") from None
     import httpx2
 
     disable_progress_bars()  # they would be drawn over what a search shows
@@ -78,7 +78,7 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
             raise ModelError(f"The hub gives no sha256 for {url}; append @SHA256 to the model's name.")
         got = huggingface_hub.hf_hub_download(repo, file, local_dir=scratch, token=False, endpoint=endpoint())
         if _hash(Path(got)) != expected:
-            raise ModelError(f"{url} did not give the file with sha256 {expected[:12]}…; try again.")
+            raise ModelError(f"The file from {url} does not have the sha256 {expected[:12]}…; try again.")
         os.replace(got, target)
     except HfHubHTTPError as error:
         code, reason = error.response.status_code, error.response.reason_phrase

@@ -108,11 +108,11 @@ class LocalModel:
         return answer
 
     def _died(self, worker: Worker) -> ModelError:
-        last = worker.last_words() or "it said nothing"
+        last = worker.last_words() or "it printed nothing"
         self.close()
         return ModelError(
             f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with AVX2. "
-            "Nothing is lost: go on when less runs beside it, or begin a search with a smaller sample=."
+            "Nothing is lost: resume when less else is running, or start a search with a smaller sample=."
         )
 
 

@@ -37,7 +37,7 @@ _PASSING = {408, 409, 425, 429}
 """Client errors that may pass: timeout, conflict, too early, too many requests (RFC 9110, RFC 8470, RFC 6585)."""
 _MAY_REFUSE = {500, 501}
 """Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
-_REFUSED = "{where} refuses the request ({said}); mend that, then go on."
+_REFUSED = "{where} refuses the request ({said}); fix that, then resume."
 _REFUSALS = {
     # Without {said}: the endpoint may quote a part of the key.
     401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.",
@@ -130,7 +130,7 @@ class EndpointModel:
     def _warn_of_cuts(self, reply: Reply, whole: bool) -> None:
         if reply.text and not whole and not self._cuts:
             self._cuts = True
-            _log.warning("%s cuts replies off: raise its limit on tokens, or the length of its context.", self._where)
+            _log.warning("%s cuts replies off: raise its token limit or its context length.", self._where)
 
     def _round(self, prompt: Prompt, count: int) -> Iterator[_Answered]:
         """`count` replies."""
@@ -210,7 +210,7 @@ class EndpointModel:
                 for chunk in response.iter_bytes():
                     body += chunk
                     if len(body) > MAX_BODY:
-                        raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
+                        raise Unreadable(f"its answer is larger than {MAX_BODY >> 20} MB", broken=False)
                     if time.monotonic() > until:
                         raise openai.APITimeoutError(request=response.http_request)
         except httpx2.HTTPError as error:  # while a body is read, also an error's; the package converts earlier ones
@@ -241,7 +241,7 @@ class EndpointModel:
         said = _said(error).lower()
         if manner.temperature is not None and "temperature" in said:
             if self._manner.temperature is not None:
-                _log.warning("%s takes no temperature of %g: it uses its own.", self.name, manner.temperature)
+                _log.warning("%s does not accept temperature=%g: it uses its own.", self.name, manner.temperature)
             self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
             return True
         if manner.system and "role" in said and ("system" in said or "alternate" in said):
@@ -267,20 +267,20 @@ class EndpointModel:
         where = self._where
         if _is_silence(error):
             return ModelError(
-                f"{where} did not answer: it may take {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
-                "Go on later, or start a run with a smaller sample= or a faster model; what it was asked may be billed."
+                f"{where} did not answer: it has {TIMEOUT:.0f} s to send a first byte, and {PATIENCE:.0f} s in all. "
+                "Resume later, or start a run with a smaller sample= or a faster model. The request may be billed."
             )
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
-                return ModelError(f"{where} breaks off its answers; try again.{self._detour}")
+                return ModelError(f"The connection to {where} broke off; try again.{self._detour}")
             return ModelError(f"{where} cannot be reached; check base_url and the network.{self._detour}")
         if error.code == "insufficient_quota":
-            return ModelError(f"The account at {where} has no credit left; add some, then go on.")
+            return ModelError(f"The account at {where} has no credit left; add some, then resume.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
             return self._busy(_said(error))
         if error.response.is_redirect:
             target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
-            return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
+            return ModelError(f"{where} redirects requests to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
         refused = sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300])
         return ModelError(refused + self._detour * (error.status_code == 403))  # proxies send it for local addresses
@@ -295,7 +295,7 @@ class EndpointModel:
 
     def _busy(self, said: str) -> ModelError:
         return ModelError(
-            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); go on when it does.{self._detour}"
+            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); resume when it can.{self._detour}"
         )
 
     def _hidden(self, text: str) -> str:

@@ -63,8 +63,8 @@ def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: 
         expected = price.of(asked, _FIRST_GUESS * count) if price is not None else 0.0
     if spent + expected > limit:
         raise BudgetError(
-            f"{count} more replies would cost about {expected:.2f} US dollars and pass max_cost={limit:g}: {spent:.2f} "
-            "are spent. Nothing is lost; go on with a higher max_cost=."
+            f"{count} more replies would cost about {expected:.2f} US dollars and exceed max_cost={limit:g}: "
+            f"{spent:.2f} are spent already. Nothing is lost; resume with a higher max_cost=."
         )
 
 

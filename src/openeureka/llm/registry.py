@@ -117,7 +117,7 @@ def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
             raise ConfigError(f"{where} compares given rewards, and holds no replies; name the directory of a search.")
         return ReplayModel(read_replies(where), _style(recorded), held=held)
     if config.hearings:
-        raise ConfigError(f"{where} holds replies and nobody's remarks: leave feedback=human out.")
+        raise ConfigError(f"{where} holds replies but no person's remarks: leave feedback=human out.")
     return ReplayModel(archived(Path(where)), "free", held=held)
 
 
@@ -144,7 +144,7 @@ def archived(path: Path) -> list[Reply]:
     except (ValueError, LookupError, TypeError):
         name, texts = None, None
     if not isinstance(name, str) or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise ConfigError(f'{path} is no file of replies: it must hold {{"model": NAME, "replies": [TEXT, ...]}}.')
+        raise ConfigError(f'{path} is not a file of replies: it must hold {{"model": NAME, "replies": [TEXT, ...]}}.')
     return [Reply(text=text, model=name) for text in texts]
 
 
@@ -156,7 +156,7 @@ def priced(model: LanguageModel, config: RunConfig) -> LanguageModel:
     """
     if config.model.partition(":")[0] in KINDS:  # a built-in one, handed over as an object: it costs nothing
         return model
-    known = _price(config, ", or price=0,0 where the model states its own costs")
+    known = _price(config, ", or price=0,0 if the model reports its own costs")
     return model if known is None else PricedModel(model, known)
 
 
@@ -164,7 +164,8 @@ def _price(config: RunConfig, otherwise: str = "") -> price.Price | None:
     known = price.find(config.model, config.price)
     if known is None and config.max_cost:
         raise ConfigError(
-            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT{otherwise}."
+            f"The price of {config.model} is not known, so max_cost cannot be enforced; add price=INPUT,OUTPUT"
+            f"{otherwise}."
         )
     return known
 
@@ -174,7 +175,7 @@ def _endpoint(config: RunConfig) -> LanguageModel:
     meant = difflib.get_close_matches(config.model.partition(":")[0].lower(), KINDS, n=1, cutoff=0.75)
     if meant and not url:
         raise ConfigError(
-            f"There is no model `{config.model}`. Did you mean `{meant[0]}`? At an endpoint, it needs base_url=."
+            f"There is no model `{config.model}`. Did you mean `{meant[0]}`? A model at an endpoint needs base_url=."
         )
     if url and not re.match(r"https?://[^/]", url):
         bare = re.sub(r"^[a-z]*:?/+", "", url) or "localhost:8000/v1"
@@ -224,7 +225,7 @@ class ReplayModel:
         for _ in range(n):
             if self._next >= len(self._replies):
                 raise ModelError(
-                    f"What is replayed holds {len(self._replies)} replies and this run needs more; give it the same "
+                    f"The replay holds {len(self._replies)} replies, but this run needs more; give it the same "
                     "env, sample, iteration, refill, search and seed."
                 )
             reply = self._replies[self._next]

@@ -140,7 +140,7 @@ def write(target: Path, chunks: Iterable[bytes], sha256: str) -> None:
 def disk_error(target: Path, error: OSError) -> ModelError:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return ModelError(f"The disk of {target.parent} is full; free some space or set EUREKA_CACHE to another disk.")
-    return ModelError(f"{target} cannot be written ({error.strerror}); set EUREKA_CACHE to a folder that can.")
+    return ModelError(f"{target} cannot be written ({error.strerror}); set EUREKA_CACHE to another folder.")
 
 
 def complete(target: Path, weights: Weights) -> bool:
