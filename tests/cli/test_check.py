@@ -62,7 +62,7 @@ def checked(tmp_path, text: str, capsys) -> list[str]:
 
 def test_the_program_of_a_chat_reply_is_found_and_said_to_be(one_sandbox, tmp_path, capsys):
     note, verdict, *_ = checked(tmp_path, f"Sure! Here it is.\n\n```python{GOOD}```\nIt is smooth.\n", capsys)
-    assert note.endswith("reward.txt is prose with a program in it; lines are counted from the program's first.")
+    assert note.endswith("reward.txt has text around the program; lines are counted from the program's first.")
     assert verdict.endswith("reward.txt: accepted (it can train)")
 
 

@@ -308,7 +308,7 @@ def test_a_node_with_another_file_of_the_task_is_left_out(tmp_path: Path):
     node = {"host": "far", "versions": ray_node.versions(), "task": ray_node.task_digest(env)}
     clusters.check(node, guarded=False, env=env)
     for task in (ray_node.task_digest(f"{tmp_path}/none.py"), "of another"):
-        with pytest.raises(ConfigError, match=r"Node far lacks .*, or has another file of that name"):
+        with pytest.raises(ConfigError, match=r"Node far lacks .*, or its file of that name differs"):
             clusters.check({**node, "task": task}, guarded=False, env=env)
     assert ray_node.task_digest("cartpole") == ray_node.task_digest("gym:Hopper-v5") == ""
 

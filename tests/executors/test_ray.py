@@ -328,7 +328,7 @@ def test_a_cluster_that_takes_orders_from_anybody_is_refused():
 
 
 def test_a_device_of_one_machine_is_refused():
-    with pytest.raises(ConfigError, match="On a cluster device= is cpu or cuda, not `cuda:1`"):
+    with pytest.raises(ConfigError, match="On a cluster, device= takes cpu or cuda, not `cuda:1`"):
         RayExecutor("cuda:1")
 
 

@@ -55,7 +55,7 @@ def test_a_film_lasts_as_long_as_what_it_shows_where_a_step_is_longer_than_a_pic
 
 
 def test_one_without_pictures_says_so():
-    with pytest.raises(NothingDrawn, match="draws no pictures"):
+    with pytest.raises(NothingDrawn, match="does not render pictures"):
         next(frames([Screen("gym:Openeureka/Clock-v0", "zero", 0)], 1.0))
 
 

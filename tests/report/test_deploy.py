@@ -139,7 +139,7 @@ def test_a_task_that_does_not_say_what_it_observes_says_that(wanted: Policy):
 
 
 def test_a_policy_of_another_task_is_not_said_to_be_anymal_s():
-    with pytest.raises(RewardFileError, match="none of a network for this task"):
+    with pytest.raises(RewardFileError, match="network of the policy does not fit this task"):
         export.deployed(policy(60, 8, (8,)), Anymal)
 
 

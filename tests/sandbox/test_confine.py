@@ -259,7 +259,9 @@ def test_a_child_that_never_woke_up_gets_a_successor_and_then_a_witness(
 
 def test_a_machine_that_is_too_busy_is_no_verdict_on_a_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Sandbox, "_ask", lambda *_: Frame({"outcome": "busy", "where": "program"}))
-    with pytest.raises(SandboxUnavailable, match="too busy .* nothing gets 2 s of a processor in 32 s; have less run"):
+    with pytest.raises(
+        SandboxUnavailable, match="too busy .* no process gets 2 s of processor time in 32 s; stop other"
+    ):
         Sandbox(STATE, RECORDED).check(Candidate.of("def f(pos):\n    return pos[:, 0], {}\n"))
 
 
@@ -442,7 +444,7 @@ def test_a_server_that_hangs_or_dies_has_a_successor_once(
 
 def test_a_server_that_is_not_up_in_time_says_to_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "Worker", lambda *_, **__: Worker(WorkerTimeout))
-    with pytest.raises(SandboxUnavailable, match=r"^The sandbox did not start within 120 s; have less run beside it, "):
+    with pytest.raises(SandboxUnavailable, match=r"^The sandbox did not start within 120 s; stop other programs, "):
         Sandbox(STATE, RECORDED).check(Candidate.of("def f(pos):\n    return pos[:, 0], {}\n"))
 
 
@@ -466,7 +468,7 @@ def test_the_report_for_doctor_names_what_is_missing() -> None:
     assert confine.Support("x86_64", 7, True).sentence() == (
         "confinement works: seccomp and Landlock (ABI 7) on x86_64"
     )
-    assert "(ABI 3, an older one: seccomp alone closes TCP or signals)" in confine.Support("x86_64", 3, True).sentence()
+    assert "(ABI 3, an older one: only seccomp blocks TCP or signals)" in confine.Support("x86_64", 3, True).sentence()
     missing = confine.Support("riscv64", 0, False).sentence()
     assert "riscv64" in missing and "seccomp" in missing and "Landlock" in missing
 

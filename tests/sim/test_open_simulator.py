@@ -39,7 +39,7 @@ def test_room_is_guessed_from_the_larger_condim_of_what_touches():
 
 
 def test_a_device_that_does_not_exist_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
-    with pytest.raises(ConfigError, match=r"no device `gpu`; `device` is cpu, cuda"):
+    with pytest.raises(ConfigError, match=r"no device `gpu`; `device` takes cpu, cuda"):
         check_device("gpu")
     monkeypatch.setattr(sim, "find_spec", lambda _: object())
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
@@ -62,7 +62,7 @@ def test_a_driver_that_is_too_old_for_warp_is_one_sentence(monkeypatch: pytest.M
     monkeypatch.setattr(sim, "find_spec", lambda _: object())
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     with pytest.raises(
-        ConfigError, match=rf"newer NVIDIA driver: .* torch sees \(2\), MuJoCo Warp can use {said}; update"
+        ConfigError, match=rf"newer NVIDIA driver: .* torch sees 2 GPUs, but MuJoCo Warp can use {said}; update"
     ):
         check_device("cuda")
     check_device("warp-cpu")

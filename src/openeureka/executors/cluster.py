@@ -68,7 +68,7 @@ def connect(address: str) -> Any:
     ray = _imported(address)
     if ray.is_initialized():
         if address not in (_joined or address, ray.get_runtime_context().gcs_address):
-            raise ConfigError(f"This Python is part of the cluster at address={_joined}: restart it to join {address}.")
+            raise ConfigError(f"This Python has joined the cluster at address={_joined}: restart it to join {address}.")
     else:
         options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
         options = options if address == "local" else {}
@@ -106,7 +106,7 @@ def _imported(address: str) -> Any:
     try:
         import ray
     except ImportError:
-        raise ConfigError("executor=ray needs Ray, which is missing: pip install 'openeureka[ray]'") from None
+        raise ConfigError("executor=ray needs Ray, which is not installed: pip install 'openeureka[ray]'") from None
     return ray
 
 
@@ -121,7 +121,7 @@ def exposed(ray: Any) -> bool:
 
 def _open(where: str) -> ConfigError:
     return ConfigError(
-        f"The cluster at {where} runs what anybody on its network sends: run `ray get-auth-token --generate` once, "
+        f"The cluster at {where} runs code from anybody on its network: run `ray get-auth-token --generate` once, "
         "copy ~/.ray/auth_token to every node, and start Ray and eureka with the environment variable "
         "RAY_AUTH_MODE=token."
     )
@@ -188,7 +188,7 @@ def check(node: Mapping[str, Any], *, guarded: bool, device: str = "cpu", env: s
         raise UnlikeNode(f"Node {node['host']} runs {theirs}, and this machine {ours}: install the same on both.")
     if (own := ray_node.task_digest(env)) and own != node.get("task"):
         raise UnlikeNode(
-            f"Node {node['host']} lacks {env}, or has another file of that name: copy this machine's there."
+            f"Node {node['host']} lacks {env}, or its file of that name differs: copy this machine's file there."
         )
 
 
@@ -198,7 +198,7 @@ def lacking(error: Exception) -> ConfigError | None:
         return None
     return ConfigError(
         "A node of the cluster lacks openeureka or a package that it needs: run pip install "
-        f"'openeureka[ray]=={ray_node.versions()['openeureka']}' there, or your task's own package."
+        f"'openeureka[ray]=={ray_node.versions()['openeureka']}' there, or install your task's own package."
     )
 
 
@@ -222,7 +222,8 @@ def survey(address: str) -> list[dict[str, Any]]:
                 said["offset"] = said["time"] - (asked_at + time.time()) / 2
         except ray.exceptions.RayError as error:
             fault = (
-                lacking(error) or f"It cannot say what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
+                lacking(error)
+                or f"It does not report what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
             )
             found.append({"host": node["NodeManagerHostname"], "fault": str(fault)})
             continue

@@ -57,7 +57,7 @@ class RayExecutor(retry.Questions):
         silence: float = SILENCE,
     ) -> None:
         if device not in MAX_WORLDS:
-            raise ConfigError(f"On a cluster device= is {' or '.join(MAX_WORLDS)}, not `{device}`.")
+            raise ConfigError(f"On a cluster, device= takes {' or '.join(MAX_WORLDS)}, not `{device}`.")
         self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
         self._ray = cluster.connect(address)
         self._actors = Actors(self._ray, module, silence, exact=threads > 0)
@@ -156,7 +156,7 @@ class Actors:
             if not any(needs.within(offer) for offer in self.offers()):
                 raise
             if not known:
-                _log.warning("%s Until then the other nodes train, and this one does not.", error)
+                _log.warning("%s Until then only the other nodes train.", error)
             raise WorkerLost("Training stopped: the node that was to train runs other versions.") from None
 
     def shun(self, node: str) -> None:
@@ -193,7 +193,7 @@ class Actors:
     def tell(self, *, waiting: bool) -> None:
         """Warn once while all calls wait for a node; nothing else tells it."""
         if waiting and not self._told:
-            _log.warning("No node of the cluster has room: waiting for one that has. Ctrl-C stops it, nothing is lost.")
+            _log.warning("No node of the cluster has room: waiting for one. Ctrl-C stops the run; nothing is lost.")
         self._told = waiting
 
 

@@ -191,7 +191,7 @@ class Errand:
         try:
             self._snapshot.write(frame.blobs[SNAPSHOT])
         except StoreError as error:
-            _log.warning("A training goes on, and its state could not be kept. %s", error)
+            _log.warning("A training goes on, but its state could not be saved. %s", error)
         else:
             self._kept, self._early = self._epoch, 0
 

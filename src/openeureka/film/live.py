@@ -152,7 +152,7 @@ def main() -> None:
     except EurekaError as error:
         channel.send({"refused": str(error)})
     except Exception as error:
-        channel.send({"refused": str(fault(error) or f"It cannot be played: {told(error)}")})
+        channel.send({"refused": str(fault(error) or f"The policy cannot be played: {told(error)}")})
 
 
 if __name__ == "__main__":

@@ -128,7 +128,7 @@ class Screen(Play):
         def paint() -> np.ndarray:
             picture = worlds.picture(0)
             if picture is None:
-                raise NothingDrawn(f"`{self._env}` draws no pictures of itself.")
+                raise NothingDrawn(f"`{self._env}` does not render pictures.")
             return fitted(picture, width, height)
 
         yield paint

@@ -86,7 +86,7 @@ def _first_that_works(
             raise VideoUnavailable(answer.header["refused"])
         return {**answer.blobs, "backend": backend.encode()}
     if able:
-        raise VideoUnavailable(f"The video broke off ({'; '.join(reasons)}); try fewer seconds=, or again.")
+        raise VideoUnavailable(f"Rendering the video broke off ({'; '.join(reasons)}); try again, or fewer seconds=.")
     if late:
         raise NoRenderer(
             f"No video: rendering did not begin within {patience:g} s. Try again when the machine is less busy."

@@ -104,7 +104,7 @@ def in_file(path: Path) -> tuple[Candidate, str]:
     except UnicodeDecodeError:
         raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
     found = in_text(text)
-    prose = f"{path} is prose with a program in it; lines are counted from the program's first."
+    prose = f"{path} has text around the program; lines are counted from the program's first."
     return found, prose if found.source != text else ""
 
 

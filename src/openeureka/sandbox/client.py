@@ -90,7 +90,7 @@ class Sandbox:
     def __enter__(self) -> Sandbox:
         if self._confined and not (offered := confine.support()).complete:
             raise SandboxUnavailable(
-                f"{offered.sentence()}; add unsafe_no_sandbox=true to run it with your rights all the same."
+                f"{offered.sentence()}; add unsafe_no_sandbox=true to run it anyway, with all of your rights."
             )
         self._start()
         return self
@@ -123,8 +123,8 @@ class Sandbox:
         longest = SECONDS * server.TRIES[-1]
         if outcome == "busy":
             raise SandboxUnavailable(
-                f"The machine is too busy to judge a reward: nothing gets {SECONDS:g} s of a processor in {longest:g}"
-                " s; have less run beside it."
+                f"The machine is too busy to judge a reward: no process gets {SECONDS:g} s of processor time in "
+                f"{longest:g} s; stop other programs, then try again."
             )
         if outcome in _OUTCOMES:
             code, rule, message, fix = _OUTCOMES[outcome]
@@ -162,7 +162,7 @@ class Sandbox:
         except WorkerTimeout:
             worker.close()
             raise SandboxUnavailable(
-                f"The sandbox did not start within {_START_SECONDS:g} s; have less run beside it, then try again."
+                f"The sandbox did not start within {_START_SECONDS:g} s; stop other programs, then try again."
             ) from None
         except WorkerError:
             said = worker.ending() or worker.last_words()
@@ -170,7 +170,7 @@ class Sandbox:
             raise WorkerError(f"The sandbox server did not start: {said or 'no message'}") from None
         if problem:
             worker.close()
-            raise SandboxUnavailable(f"The sandbox cannot run a program it knows to be good: {problem}")
+            raise SandboxUnavailable(f"The sandbox failed on a program that is known to be good: {problem}")
         self._worker = worker
         return worker
 

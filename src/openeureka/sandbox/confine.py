@@ -100,11 +100,11 @@ class Support:
 
     def sentence(self) -> str:
         if self.complete:
-            alone = "" if self.landlock_abi >= 6 else ", an older one: seccomp alone closes TCP or signals"
+            alone = "" if self.landlock_abi >= 6 else ", an older one: only seccomp blocks TCP or signals"
             return f"confinement works: seccomp and Landlock (ABI {self.landlock_abi}{alone}) on {self.architecture}"
         reasons = []
         if self.architecture not in _ARCHITECTURES:
-            reasons.append(f"no system call table for {sys.platform} on {self.architecture}")
+            reasons.append(f"openeureka does not know the system calls of {sys.platform} on {self.architecture}")
         if not self.seccomp:
             reasons.append("the kernel offers no seccomp filter")
         if not self.landlock_abi:
@@ -170,7 +170,7 @@ def _drop_privileges() -> None:
         os.setresgid(user, user, user)
         os.setresuid(user, user, user)
     except OSError as error:
-        advice = "start it as an ordinary user, or let root have CAP_SETUID, CAP_SETGID and the user ids from 61000 on"
+        advice = "start eureka as an ordinary user, or give root CAP_SETUID, CAP_SETGID and the user ids from 61000 on"
         raise OSError(error.errno, f"root cannot become another user here ({error.strerror}); {advice}") from None
 
 

@@ -20,7 +20,7 @@ DEVICES = "cpu, cuda, cuda:1 (any GPU by its number) or warp-cpu (the GPU simula
 def check_device(device: str) -> None:
     """Raises ConfigError unless this machine can simulate on the device. Starts nothing on a GPU."""
     if not re.fullmatch(r"cpu|warp-cpu|cuda(:\d+)?", device):
-        raise ConfigError(f"There is no device `{device}`; `device` is {DEVICES}.")
+        raise ConfigError(f"There is no device `{device}`; `device` takes {DEVICES}.")
     if device == "cpu":
         return
     if find_spec("mujoco_warp") is None:
@@ -29,13 +29,13 @@ def check_device(device: str) -> None:
         return
     gpus = torch.cuda.device_count()  # does not initialise CUDA
     if not gpus:
-        raise ConfigError(f"device={device} needs an NVIDIA GPU that torch can use, and there is none; use device=cpu.")
+        raise ConfigError(f"device={device} needs an NVIDIA GPU that torch can use, but there is none; use device=cpu.")
     if int(device.partition(":")[2] or 0) >= gpus:
         raise ConfigError(f"There is no device {device}: torch sees {gpus} GPU{'s' if gpus > 1 else ''}.")
     if (usable := _warp_gpus()) < gpus:
         raise ConfigError(
-            f"device={device} needs a newer NVIDIA driver: of the GPUs that torch sees ({gpus}), MuJoCo Warp can use "
-            f"{usable or 'none'}; update the driver, or use device=cpu."
+            f"device={device} needs a newer NVIDIA driver: torch sees {gpus} GPU{'s' if gpus > 1 else ''}, but MuJoCo "
+            f"Warp can use {usable or 'none'}; update the driver, or use device=cpu."
         )
 
 

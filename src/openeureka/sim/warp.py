@@ -253,8 +253,8 @@ def check_room(overflow: np.ndarray, capacity: Capacity, task: str) -> None:
         if lacking & flags:
             room = capacity.contacts if setting == "max_contacts" else capacity.constraints
             raise CapacityError(
-                f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which "
-                f"was not enough: raise `{setting}` of the task's class."
+                f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} per world, which "
+                f"was not enough: raise `{setting}` in the task's class."
             )
 
 

@@ -22,4 +22,4 @@ def wheel_file(package: str, path: str) -> Path:
         if (found := Path(folder, path)).is_file():
             return found
     distribution = package.replace("_", "-")
-    raise TaskError(f"The robot model {path} of {distribution} is missing; type `pip install {distribution}`.")
+    raise TaskError(f"The robot model {path} of {distribution} is missing; run `pip install {distribution}`.")

@@ -92,20 +92,20 @@ class Policy:
             if header["format"] != FORMAT:
                 raise ValueError(header["format"])
             if not isinstance(header["env"], str):
-                raise TypeError("env is no name")
+                raise TypeError("env is not a name")
             choices = header.get("choices", [])
             if not (isinstance(choices, list) and all(type(options) is int and options > 0 for options in choices)):
-                raise TypeError("choices are no numbers")
+                raise TypeError("choices are not numbers")
             unseen = header.get("unseen", [])
             if not (isinstance(unseen, list) and all(type(column) is int and column >= 0 for column in unseen)):
-                raise TypeError("unseen are no columns")
+                raise TypeError("unseen are not columns")
             interface = header.get("interface", {})
             if not (isinstance(interface, dict) and all(isinstance(value, str) for value in interface.values())):
-                raise TypeError("interface is no text by name")
+                raise TypeError("interface is not text by name")
             return Policy(header["env"], load(data), tuple(choices), tuple(unseen), interface)
         except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
-                f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."
+                f"This is not a policy file of openeureka ({error!r:.80}); name one with policy=FILE."
             ) from None
 
     def expect(self, observations: int | None = None, actions: int | None = None) -> None:
@@ -116,7 +116,7 @@ class Policy:
             found = {name: self.tensors[name] for name in wanted}
         except (KeyError, IndexError):
             raise RewardFileError(
-                "The policy lacks parts of a network; train it anew, or pass another policy=FILE."
+                "The policy lacks parts of its network; train it again, or name another with policy=FILE."
             ) from None
         sizes = (observations or self.observations, actions or self.actions)
         whole = all(tuple(t.shape) == wanted[name] and t.is_floating_point() for name, t in found.items())
@@ -128,7 +128,7 @@ class Policy:
             or sizes != (self.observations, self.actions)
         ):
             raise RewardFileError(
-                "The policy is none of a network for this task; name the one it was trained on by env=."
+                "The network of the policy does not fit this task; name the task that it was trained on with env=."
             )
 
     @property

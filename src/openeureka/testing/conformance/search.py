@@ -72,7 +72,7 @@ class SearchConformance:
     def test_parents_are_entries_of_the_history_that_trained(self) -> None:
         history = grown(*SCORES)
         for plan in self.make().ask(history, Random(0)):
-            assert plan.turns, "a strategy that knows trained rewards shows one"
+            assert plan.turns, "once rewards have trained, every plan must show one of them"
             assert all(turn in history.entries and turn.fitness is not None for turn in plan.turns)
 
     def test_when_nothing_trained_the_next_prompts_say_why(self) -> None:

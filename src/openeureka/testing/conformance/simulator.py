@@ -133,7 +133,7 @@ class SimulatorConformance:
                 sim.step(2)
                 assert sim.bad.tolist() == [False, True, False], field
                 assert bool(xpos.isfinite().all()) and float(qpos[1].abs().max()) < 1.0, (
-                    "what a reward reads in this step"
+                    "rewards read these fields in this step, so they must not keep the broken values"
                 )
                 sim.reset(worlds)
                 sim.forward(worlds)

@@ -55,7 +55,7 @@ class TaskConformance:
         kept = {name: tensor.clone() for name, tensor in _tensors(recorded).items()}
         _random_steps(simulation, 5)
         changed = [name for name, tensor in _tensors(recorded).items() if not torch.equal(tensor, kept[name])]
-        assert not changed, f"{changed} share memory with the simulator or the task: end them with .clone()"
+        assert not changed, f"{changed} share memory with the simulator or the task: return a .clone() of each"
 
     def test_observations_are_clipped_and_obs_buf_is_not(self) -> None:
         simulation = self._make(worlds=6)
@@ -96,7 +96,7 @@ class TaskConformance:
         for left, right in zip(*(_random_steps(simulation, 3) for simulation in (first, second)), strict=True):
             expected, found = _tensors(left), _tensors(right)
             different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
-            assert not different, f"{different} differ: does something live on that `memory` does not list?"
+            assert not different, f"{different} differ: does the task keep a tensor that `memory` does not list?"
 
     def test_results_do_not_depend_on_the_number_of_threads(self) -> None:
         one, two = (self._make(worlds=6, threads=threads) for threads in (1, 2))
@@ -106,7 +106,7 @@ class TaskConformance:
 
     def test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone(self) -> None:
         if get(self.env).choices:
-            raise SkipTest("a choice is never a number that breaks a world")
+            raise SkipTest("discrete actions cannot break a world, as they are never NaN")
         broken, sound = self._make(worlds=4), self._make(worlds=4)
         broken.reset()
         sound.reset()
@@ -154,7 +154,7 @@ class TaskConformance:
         for a, b in zip(_random_steps(by_index, 8), _random_steps(by_mask, 8), strict=True):
             expected, found = _tensors(a), _tensors(b)
             different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
-            assert not different, f"{different} differ: is there memory that is no attribute of the task?"
+            assert not different, f"{different} differ: does the task keep a tensor that is not its attribute?"
 
     def test_a_step_asks_a_gpu_nothing(self) -> None:
         self._expect_mujoco()
@@ -223,7 +223,7 @@ class TaskConformance:
         assert len({variable.name for variable in variables if variable.use != "raw"}) >= 2
         for variable in variables:
             if variable.use == "point":
-                assert variable.shape == (3,), f"{variable.name} is a point, so it has three coordinates"
+                assert variable.shape == (3,), f"{variable.name} is a point, so it must have three coordinates"
 
     def test_the_context_shows_the_motion_and_hides_the_goal(self) -> None:
         task, shown = get(self.env), context(self.env)
@@ -249,7 +249,7 @@ class TaskConformance:
 
     def _expect_mujoco(self) -> None:
         if get(self.env).draws_itself:
-            raise SkipTest("worlds that step themselves are on the CPU, and have no MuJoCo model")
+            raise SkipTest("an environment that steps itself runs on the CPU and has no MuJoCo model")
 
     def _check_hidden(self, shown: str, source: str, what: str) -> None:
         for line in _statements(source):
@@ -265,9 +265,9 @@ class TaskConformance:
             value, name = state[variable.name], variable.name
             if variable.kind in ("world", "constant"):
                 leading = (worlds,) if variable.kind == "world" else ()
-                assert tuple(value.shape) == (*leading, *variable.shape), f"{name} is {tuple(value.shape)}"
+                assert tuple(value.shape) == (*leading, *variable.shape), f"{name} has the shape {tuple(value.shape)}"
                 allowed = (torch.float32,) if variable.kind == "world" else (torch.float32, torch.int64)
-                assert value.dtype in allowed, f"{name} is {value.dtype}"
+                assert value.dtype in allowed, f"{name} has the dtype {value.dtype}"
                 assert bool(value.isfinite().all()), f"{name} is not finite"
             else:
                 expected = float if variable.kind == "float" else int
@@ -293,7 +293,7 @@ def _judged(task: Task, state: State, ended: Tensor) -> dict[str, Tensor]:
 
 def _check_alone(found: dict[str, Tensor], expected: dict[str, Tensor], worlds: Tensor) -> None:
     mixed = [name for name, values in found.items() if not torch.equal(values[worlds], expected[name][worlds])]
-    assert not mixed, f"{mixed} of a world depend on other worlds: does a mean, maximum or sum leave out dim=-1?"
+    assert not mixed, f"{mixed} of a world depend on other worlds: does a mean, maximum or sum lack dim=-1?"
 
 
 def _tensors(step: Step) -> dict[str, Tensor]:

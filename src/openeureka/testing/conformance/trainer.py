@@ -204,5 +204,5 @@ class TrainerConformance:
 
     def _finished(self) -> list[TrainingResult]:
         finished = [result for result in self._results() if result.state is TrainingState.FINISHED]
-        assert finished, "a trainer must be able to finish the human and the sparse reward"
+        assert finished, "a trainer must be able to finish training with the human and the sparse reward"
         return finished
