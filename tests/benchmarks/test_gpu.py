@@ -122,7 +122,7 @@ def test_a_rate_of_physics_that_lacked_room_is_an_error(sizes, monkeypatch, part
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
     monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet are nine rows
     monkeypatch.setattr(parts, "RAW_EPISODE", 2)
-    with pytest.raises(CapacityError, match="4 constraints a world"):
+    with pytest.raises(CapacityError, match="4 constraints per world"):
         getattr(parts, part)("ballbalance", "warp-cpu", sizes)
 
 

@@ -227,7 +227,7 @@ def test_a_joint_that_follows_another_is_where_that_brings_it():
 
 def test_a_goal_is_doubted_that_is_reached_already_or_out_of_reach():
     there = TABLE.replace('mocap="true" pos="0.4 -0.2 0.03"', 'mocap="true" pos="0.4 0.2 0.03"')
-    assert "is there from the start" in find_aim(survey(there), "to push the red cube to the goal").doubt
+    assert "from the start: move one of them" in find_aim(survey(there), "to push the red cube to the goal").doubt
     far = TABLE.replace('mocap="true" pos="0.4 -0.2 0.03"', 'pos="9 0 0"')
     assert "is the goal within reach?" in find_aim(survey(far), "to reach the goal").doubt
     assert "is the goal within reach?" in find_aim(survey(TABLE.replace("0.4 -0.2", "9 0")), "to reach the goal").doubt

@@ -247,7 +247,7 @@ def test_a_proxy_before_a_server_of_this_machine_is_named(monkeypatch: pytest.Mo
 def test_an_answer_without_end_is_not_read_into_memory(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(openai, "MAX_BODY", 1 << 20)
     endpoint.script = [raw(b"x" * (2 << 20))]
-    assert "more than 1 MB" in said(endpoint)
+    assert "larger than 1 MB" in said(endpoint)
 
 
 def test_a_redirect_is_not_followed_and_the_key_not_sent_there(endpoint: Endpoint):

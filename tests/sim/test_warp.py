@@ -76,5 +76,5 @@ def test_a_lack_of_room_is_an_error_that_names_the_setting(monkeypatch: pytest.M
     simulation = make("ballbalance", worlds=2, device="warp-cpu")
     simulation.reset()
     simulation.step(torch.zeros(2, 3))
-    with pytest.raises(TaskError, match="4 constraints a world.*raise `max_constraints`"):
+    with pytest.raises(TaskError, match="4 constraints per world.*raise `max_constraints`"):
         simulation.check()

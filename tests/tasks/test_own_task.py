@@ -218,7 +218,7 @@ def test_what_the_task_remembers_is_no_state_variable_as_it_is(tmp_path, value):
     ):
         text = text.replace(f"    def {method}", f"        {line}\n\n    def {method}", 1)
     file.write_text(text)
-    with pytest.raises(TaskError, match=r"`angular_velocity` .*, end `self\.goal` with \.clone\(\)\."):
+    with pytest.raises(TaskError, match=r"`angular_velocity` .*, add \.clone\(\) to `self\.goal`\."):
         make(str(file), worlds=2).reset()
     file.write_text(text.replace(f'velocity": {value}', f'velocity": {value}.clone()'))
     make(str(file), worlds=2).reset()

@@ -151,7 +151,7 @@ def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     hand = None if survey.is_robots(mover) else survey.root or _tip(survey)
     there, doubt = distance < reached, ""
     if there:
-        doubt = f"{mover.name} is there from the start: move it or the goal, in the model or in `reset`."
+        doubt = f"{mover.name} is at {goal.name} from the start: move one of them, in the model or in `reset`."
     elif survey.is_robots(mover) and survey.base is None and not survey.is_held(mover):
         reach = survey.reach(mover, POSES)
         least = float(np.linalg.norm(reach - survey.where(goal), axis=1).min()) if not survey.moves(goal) else 0.0

@@ -223,7 +223,7 @@ def survey(address: str) -> list[dict[str, Any]]:
         except ray.exceptions.RayError as error:
             fault = (
                 lacking(error)
-                or f"It does not report what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
+                or f"It did not report what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
             )
             found.append({"host": node["NodeManagerHostname"], "fault": str(fault)})
             continue

@@ -267,7 +267,7 @@ class EndpointModel:
         where = self._where
         if _is_silence(error):
             return ModelError(
-                f"{where} did not answer: it has {TIMEOUT:.0f} s to send a first byte, and {PATIENCE:.0f} s in all. "
+                f"{where} did not answer: it has {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
                 "Resume later, or start a run with a smaller sample= or a faster model. The request may be billed."
             )
         if isinstance(error, openai.APIConnectionError):

@@ -220,7 +220,7 @@ def _expect_drives(env: str, model: mujoco.MjModel) -> None:
         if problem := _beyond_formula(model, drive, int(model.actuator_trnid[drive, 0])):
             raise TaskError(
                 f"The actuator {model.actuator(drive).name or drive} of `{env}` {problem}, which deploy.yaml cannot "
-                "describe; remove it from the model, or leave the `deployment` out of the task."
+                "describe; change that in the model, or leave the `deployment` out of the task."
             )
 
 
