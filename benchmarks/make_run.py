@@ -139,6 +139,17 @@ def markdown() -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])
 
 
+def printed() -> str:
+    """The table and the verdict that the first of these runs ends with, without F in training."""
+    one = next(iter(counted().values()))
+    runners = {f"runner-up {place}": scores for place, scores in one["runners_up"].items()}
+    scores = {"best generated": one["generated"], **runners, "human": one["human"], "sparse": one["sparse"]}
+    rows = [("reward", "F, held out", "seeds")]
+    rows += [(name, spread(own), str(len(own))) for name, own in scores.items()]
+    table = "\n".join(f"{name:14}  {held_out:11}  {seeds}" for name, held_out, seeds in rows)
+    return f"```\n{table}\n\n{one['verdict']}\n```"
+
+
 def summary() -> str:
     """How the runs ended, in a sentence."""
     runs: list[Any] = list(counted().values())

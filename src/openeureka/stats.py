@@ -130,7 +130,7 @@ def _variance(values: Sequence[float]) -> float:
 
 
 def two_valued(values: Sequence[float]) -> bool:
-    """Whether there are at most two values, or each is near 0 or near 1: trainings that succeed or do not."""
+    """Whether there are at most two values, or all are near 0 or 1, some at each: trainings that succeed or do not."""
     low, high, near = min(values), max(values), _near(values)
     return all(min(x - low, high - x) <= near for x in values)
 

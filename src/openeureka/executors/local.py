@@ -21,7 +21,7 @@ CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
 MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
 """On a CPU a world costs about 0.15 MB, almost whatever the model (measured on Cartpole and Humanoid). On a GPU the
-simulator alone takes 76 kB (Ant) to 1 MB (ShadowHand) a world, 5 to 68 GB for all of them (measured on an H200)."""
+simulator alone takes 76 kB (Ant) to 2.1 MB (two hands) a world, 5 to 139 GB for all of them (measured on an H200)."""
 
 
 def devices(setting: str) -> tuple[str, ...]:

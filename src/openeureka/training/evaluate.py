@@ -23,7 +23,7 @@ generator of their own (`gym:`) have only 2^31 seeds: now and then a seed of tra
 EPISODES = 256
 """Episodes of each policy, by default."""
 WORLDS = 16384
-"""Most worlds simulated at once; a world costs about 0.15 MB, on a GPU up to 1 MB (measured on ShadowHand)."""
+"""Most worlds simulated at once; a world costs about 0.15 MB, on a GPU up to 2.1 MB (measured with two hands)."""
 LOOK = 32
 """[steps] between two looks, on a GPU, at whether any world still plays."""
 ROUNDING = 1e-4
