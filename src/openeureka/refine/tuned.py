@@ -109,6 +109,11 @@ class Tuned:
     """The same for the original text."""
 
     @property
+    def done(self) -> bool:
+        """Whether nothing is left to train or to score."""
+        return self.alone or (self.judged and bool(self.after))
+
+    @property
     def better(self) -> str:
         """Name of the weighting in `best/`. `after` replaces the original text if it keeps the limits, and has the
         higher mean of held-out F or is alone in keeping them."""

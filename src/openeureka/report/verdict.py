@@ -40,10 +40,10 @@ def verdict(run: RunView) -> str:
 
 def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than the original ones."""
-    if found is not None and found.alone:
-        return f"The numbers stay unchanged: no other weighting left a policy that could be scored.{_lost(found)}"
-    if found is None or not found.judged or not found.after:
+    if found is None or not found.done:
         return "Not decided yet: the final trainings are not done."
+    if found.alone:
+        return f"The numbers stay unchanged: no other weighting left a policy that could be scored.{_lost(found)}"
     before, after = found.finals[ORIGINAL], found.finals[found.after]
     if not before.scores or not after.scores:
         which = "original" if not before.scores else "tuned"
@@ -192,21 +192,21 @@ def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tu
     Args:
         kept: whether the run's files exist; without them nothing can be played or trained.
     """
-    unfinished = run.tunes and verdict(run).startswith("Not decided yet")
     if none_found(run) or limits_reason(run):
         return [(command_line("show", directory), "what became of each reply")]
     refining = bool(run.config.tune or run.config.polish) and not run.ended
-    if unfinished or (run.searched and (run.outcome is None or refining)):
+    tuning = run.tunes and not (run.tuned is not None and run.tuned.done)
+    if tuning or (run.searched and (run.outcome is None or refining)):
         return [(command_line("resume", directory), "continue where it stopped")]
     if not kept:
         return []
-    found, command, left = run.polished, deciding(run, directory), _left_open(run, directory)
-    told = [
-        (command, "an even chance to decide it" if left and left[0] else "train both with more seeds"),
-        (command_line("play", directory), "watch the best reward's policy"),
-        (command_line("play", directory, "policy=polished"), "watch the best policy"),
-    ]
-    return told[0 if command else 1 : 3 if found is not None and found.better else 2]
+    told = [(command_line("play", directory), "watch the best reward's policy")]
+    if command := deciding(run, directory):
+        left = _left_open(run, directory)
+        told.insert(0, (command, "an even chance to decide it" if left and left[0] else "train both with more seeds"))
+    if run.polished is not None and run.polished.better:
+        told.append((command_line("play", directory, "policy=polished"), "watch the best policy"))
+    return told
 
 
 def deciding(run: RunView, directory: str = "DIR") -> str:
