@@ -116,14 +116,14 @@ def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, tra
 
 def test_what_was_begun_with_the_usual_steps_takes_no_others(searched):
     openeureka.robust(searched, model="random", sample=1)
-    with pytest.raises(ConfigError, match=r"from the best policy: leave `start=` and `steps=` out to go on"):
+    with pytest.raises(ConfigError, match=r"from the best policy; leave `start=` and `steps=` out to continue them"):
         openeureka.robust(searched, model="random", sample=1, steps=9)
     assert openeureka.robust(searched, model="random", sample=2).robust is not None
 
 
 def test_what_was_begun_from_scratch_goes_on_so(searched):
     openeureka.robust(searched, model="random", sample=1, start="scratch")
-    with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch: add start=scratch to"):
+    with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch; add start=scratch to"):
         openeureka.robust(searched, model="random", sample=2)
     found = openeureka.robust(searched, model="random", sample=2, start="scratch").robust
     assert found is not None and [arm.name for arm in found.arms] == ["plain", "uniform", "r0", "r1"]
