@@ -1,5 +1,5 @@
-"""Tests are offline and never meet a paid endpoint: keys and proxies are removed, and sockets beyond loopback refuse to
-open."""
+"""Tests are offline and never reach a paid endpoint: API keys and proxies are removed from the environment, and sockets
+connect to loopback only."""
 
 import copy
 import itertools
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from openeureka.tasks.task import Task
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
-os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle threads that spin starve the simulator's
+os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle OpenMP threads that spin starve the simulator's threads
 for key in [name for name in os.environ if name.upper().endswith(("_API_KEY", "_PROXY"))]:
     del os.environ[key]
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as where a shell runs the suite in the background
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell sets it for background jobs
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _connect = socket.socket.connect
@@ -38,7 +38,8 @@ def _loopback_only(self: socket.socket, address: object) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def never_synced() -> Iterator[None]:
-    """A sync guards against a power cut, which no test can make; 130,000 of them took the suite minutes."""
+    """Turns disk syncs off. They guard against a power cut, which no test can make, and the suite's 130,000 syncs took
+    minutes."""
     from openeureka.store.db import Database
 
     prepare = Database._prepare
@@ -50,14 +51,15 @@ def never_synced() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Database, "_prepare", prepared)
-        patch.setattr(os, "fsync", os.fstat)  # what is not open is still refused
+        patch.setattr(os, "fsync", os.fstat)  # like fsync, it fails for a descriptor that is not open
         yield
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once() -> Iterator[None]:
-    """Models that come with openeureka are compiled once a process and copied: two hands take 0.15 s, 300 times."""
-    if "openeureka.tasks.task" not in sys.modules:  # no test that was collected simulates, or only a few do
+    """Compiles each model of openeureka's suite once per process, and copies it from then on. Otherwise the suite would
+    compile two hands 300 times, at 0.15 s each."""
+    if "openeureka.tasks.task" not in sys.modules:  # no collected test imports tasks at its top: few simulate, or none
         yield
         return
     from openeureka.tasks.task import Task
@@ -80,14 +82,15 @@ def compiled_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A new folder at each turn; `mktemp` looks through all that there are."""
+    """Yields a new folder for each test. `mktemp` would list all existing ones each time."""
     above = tmp_path_factory.mktemp("homes")
     return (above / str(number) for number in itertools.count())
 
 
 @pytest.fixture(autouse=True)
 def at_home(homes: Iterator[Path], monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where this user's state is kept: what a test types is nobody else's."""
+    """A state folder for each test: the commands' record of what was typed (`runs/trust.py`) is shared neither with
+    other tests nor with the user."""
     home = next(homes)
     home.mkdir()
     monkeypatch.setenv("XDG_STATE_HOME", str(home))

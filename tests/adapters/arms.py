@@ -1,7 +1,7 @@
-"""What dm_control and ManiSkill look like to who steps them: modules of their names, made as far as the server asks.
+"""Fakes of dm_control and ManiSkill: modules with their names, with only the parts that the server uses.
 
-Written from their own files: `Environment` of `dm_control.rl.control`, `BaseEnv` and `TimeLimitWrapper` of ManiSkill.
-`install()` makes them importable.
+Modelled on the originals' source: `Environment` of `dm_control.rl.control`, `BaseEnv` and `TimeLimitWrapper` of
+ManiSkill. `install()` makes the fakes importable.
 """
 
 import sys
@@ -11,7 +11,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 
 LIMIT = 6
-"""[steps] of an episode."""
+"""Length of an episode [steps]."""
 
 
 class PhysicsError(RuntimeError):
@@ -157,7 +157,7 @@ class Reach:
 
 
 def install():
-    """Put them where `import` finds them."""
+    """Put the fakes where `import` finds them."""
 
     def made(name, **found):
         sys.modules[name] = ModuleType(name)

@@ -1,4 +1,4 @@
-"""Worlds for `env=python:FILE.py:NAME`: what an environment of another Python may be, with nothing but NumPy."""
+"""Environments for `env=python:FILE.py:NAME`, of the kinds that another Python may offer. They need only NumPy."""
 
 import os
 import signal
@@ -65,7 +65,8 @@ class Carts:
 
 
 class Shared(Carts):
-    """Tells all worlds alike what `place` of its five results says."""
+    """Returns one number for all worlds as result number `place` (0 to 3). With `place=4`, `speed` in `info` has one
+    axis too many."""
 
     def __init__(self, worlds, place=1):
         super().__init__(worlds)
@@ -104,7 +105,7 @@ class Pair:
 
 
 class Bits:
-    """Observes the bits that it was given."""
+    """Observes the bits of its last action."""
 
     num_envs = 0
 
@@ -125,7 +126,7 @@ class Bits:
 
 
 class Counted(Bits):
-    """The same with two choices that do not begin at 0."""
+    """Like `Bits`, with two choices that do not begin at 0."""
 
     class single_action_space:
         nvec = np.array([2, 3])
@@ -134,7 +135,7 @@ class Counted(Bits):
 
 
 class Whole(Bits):
-    """The same with whole numbers from 5 to 9; any other is an error."""
+    """Like `Bits`, with whole numbers from 5 to 9; any other number raises an error."""
 
     class single_action_space:
         low, high = np.array([5, 5]), np.array([9, 9])
@@ -147,7 +148,7 @@ class Whole(Bits):
 
 
 class Rated:
-    """Observes how far each action is from the one before, which it holds on to."""
+    """Observes how far each action is from the previous one. It keeps the previous action's array, not a copy."""
 
     num_actions = 1
 
@@ -165,7 +166,7 @@ class Rated:
 
 
 class Alone(Carts):
-    """Makes one cart, whatever it is asked for."""
+    """Makes one cart, however many worlds it is asked for."""
 
     def __init__(self, worlds):
         super().__init__(1)

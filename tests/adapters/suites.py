@@ -1,8 +1,8 @@
-"""What mjlab and Isaac Lab look like to who steps them: modules of their names, made as far as the server asks.
+"""Fakes of mjlab and Isaac Lab: modules with their names, with only the parts that the server uses.
 
-Written from their own files: `ManagerBasedRlEnv` of mjlab, `ManagerBasedRLEnv` and `DirectRLEnv` of Isaac Lab. Their
-order of a step is kept: terminations, rewards, resets of worlds that are done, observations. `install()` makes them
-importable.
+Modelled on the originals' source: `ManagerBasedRlEnv` of mjlab, `ManagerBasedRLEnv` and `DirectRLEnv` of Isaac Lab. A
+step has the same order: terminations, rewards, resets of worlds that are done, observations. `install()` makes the
+fakes importable.
 """
 
 import sys
@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 END, LIMIT = 1.5, 20
-"""[m] at which a cart falls off, and steps of an episode."""
+"""Distance from the middle at which a cart falls off [m], and length of an episode [steps]."""
 
 
 def data(env):
@@ -27,7 +27,7 @@ def data(env):
             lambda _: torch.nn.functional.pad(env.place[:, None], (0, 2)) + env.scene.env_origins
         )
         root_link_quat_w = property(lambda _: turn)
-        root_link_lin_vel_b = property(lambda _: torch.zeros(n, 0))  # empty: left out
+        root_link_lin_vel_b = property(lambda _: torch.zeros(n, 0))  # empty: the state table leaves it out
 
         @property
         def actuator_force(self):
@@ -37,7 +37,7 @@ def data(env):
 
 
 class Base:
-    """N carts, reset in their own step as the suites reset theirs."""
+    """N carts. `step` itself resets the worlds that are done, as in the suites."""
 
     step_dt, device, max_episode_length = 0.1, "cpu", LIMIT
 
@@ -150,7 +150,7 @@ class Direct(Base):
 
 
 class Term(SimpleNamespace):
-    """As `RewardTermCfg`."""
+    """Fake of `RewardTermCfg`."""
 
     def __init__(self, func, weight, params=None):
         super().__init__(func=func, weight=weight, params=params or {})
@@ -170,14 +170,14 @@ def of_isaaclab(robot):
 
 
 def faked(place, fakes):
-    """What PYTHONPATH says to a Python in which the fakes of a module of this directory are installed."""
+    """Returns a PYTHONPATH that makes a Python install the fakes of a module of this directory when it starts."""
     code = f"import sys; sys.path.append({str(Path(__file__).parent)!r}); import {fakes}; {fakes}.install()"
     (place / "sitecustomize.py").write_text(code)
     return str(place)
 
 
 def install(modules=sys.modules):
-    """Put them where `import` finds them, or elsewhere."""
+    """Put the fakes into `sys.modules`, where `import` finds them, or into another mapping."""
 
     def made(name, **found):
         modules[name] = ModuleType(name)

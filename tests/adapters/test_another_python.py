@@ -1,4 +1,4 @@
-"""Environments that another process steps: numbers as if it were this one, and one sentence for whatever goes wrong."""
+"""Environments that another process steps: the same numbers as in this process, and one sentence for every failure."""
 
 import sys
 import time
@@ -64,7 +64,7 @@ def test_what_its_maker_names_reaches_it_though_a_task_has_an_attribute_of_that_
     simulation.reset()
     state = simulation.step(torch.tensor([[0.0, 1.0]] * 2)).state
     assert state["value_1_far"].tolist() == [[1.5, 1.5]] * 2
-    assert simulation.task.episode_length == 7  # which the maker does not name
+    assert simulation.task.episode_length == 7  # no parameter of `several`, so it is the task's
 
 
 def test_what_python_calls_nothing_reaches_what_makes_it_as_none():
@@ -108,7 +108,7 @@ def test_a_tuple_of_observations_has_a_variable_for_each():
 def test_a_file_imports_the_file_beside_it(tmp_path: Path):
     text = (HERE / "carts.py").read_text().replace("import numpy as np", "import numpy as np\nfrom link import PULL")
     (tmp_path / "carts.py").write_text(text.replace("pull=1.0", "pull=PULL"))
-    (tmp_path / "link.py").write_text("PULL = 0.5")  # under a name that a file beside the server has too
+    (tmp_path / "link.py").write_text("PULL = 0.5")  # a file in the server's folder has this name too
     simulation = registry.make(f"python:{tmp_path / 'carts.py'}:Carts", worlds=1)
     simulation.reset()
     assert float(simulation.step(torch.ones(1, 1)).state["speed"]) == pytest.approx(0.3)
@@ -126,7 +126,7 @@ def test_whole_numbers_are_rounded_and_the_first_action_is_in_their_range():
     simulation.reset()
     state = simulation.step(torch.tensor([[0.3, -0.3]] * 2)).state
     assert state["obs_buf"].tolist() == [[8.0, 6.0]] * 2  # 7 + 2 * 0.3 = 7.6, and 6.4
-    assert state["actions"].tolist() == [[0.5, -0.5]] * 2  # rewards read what was taken
+    assert state["actions"].tolist() == [[0.5, -0.5]] * 2  # rewards read the rounded action
 
 
 def test_a_training_goes_on_to_the_bit_where_it_was_saved():
@@ -209,7 +209,7 @@ def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_who_hangs_is_ended_before_its_worker_is_taken_for_hung():
-    assert max(link.STARTING + link.BEGINNING, 2 * link.STEPPING) <= SILENCE - 60, "a minute for the worker itself"
+    assert max(link.STARTING + link.BEGINNING, 2 * link.STEPPING) <= SILENCE - 60, "the worker itself has a minute"
 
 
 def test_what_it_prints_is_not_taken_for_an_answer():

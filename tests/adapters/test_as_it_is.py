@@ -1,4 +1,4 @@
-"""Environments that step themselves: nothing is counted across episodes, and every run is the same to the bit."""
+"""Environments stepped by their own code: nothing is summed across episodes, and every run is the same to the bit."""
 
 import dataclasses
 import importlib.util
@@ -28,7 +28,7 @@ from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 from . import worlds  # noqa: F401  registers its environments
 
 STEP = 3
-"""Column of the step in what `Clock` observes: the keys of a Dict are sorted, and `phase` takes three."""
+"""Column of `step` in the observation of `Clock`: the keys of a Dict are sorted, and `phase` takes three columns."""
 
 
 def box2d(reason: str = "needs Box2D: pip install 'openeureka[gym]'") -> pytest.MarkDecorator:
@@ -52,14 +52,15 @@ def actions(first: int, second: int, count: int = 2) -> torch.Tensor:
 
 
 def test_columns_of_whole_numbers_say_which_value_they_stand_for():
-    """A table of the documentation names the numbers, not the ones among zeros. Not each maker takes `render_mode`."""
+    """The table in the documentation names the two numbers, not their one-hot columns. The constructor of `Cells` takes
+    no `render_mode`."""
     told = {v.name: v.meaning for v in registry.get("gym:Openeureka/Cells-v0").spec.variables}
     assert [told[f"observation_{i}"] for i in range(5)] == [
         f"1 where it observes {option}, else 0"
         for option in ("0 as number 1", "1 as number 1", "5 as number 2", "6 as number 2", "7 as number 2")
     ]
     assert not {"column_of_cart", "row_of_cart"} & set(told)
-    assert {"value_max", "speed"} <= set(told) and "max" not in told  # which is a function of rewards
+    assert {"value_max", "speed"} <= set(told) and "max" not in told  # `max` is a function in rewards
     simulation = registry.make("gym:Openeureka/Cells-v0", worlds=1)
     assert simulation.reset().tolist() == [[0.0, 1.0, 0.0, 1.0, 0.0]]
 
@@ -91,7 +92,7 @@ def test_seeds_have_31_bits_and_every_remainder():
     simulation.reset()
     seeds = simulation.sim.seeds
     assert len(set(seeds.tolist())) == 512 and int(seeds.min()) >= 0 and 2**30 < int(seeds.max()) < 2**31
-    counts = torch.bincount(seeds % 4, minlength=4)  # 128 of each, with a standard deviation of 10
+    counts = torch.bincount(seeds % 4, minlength=4)  # 128 of each are expected, with a standard deviation of 10
     assert int(counts.min()) > 80 and int(counts.max()) < 176
 
 
@@ -141,8 +142,8 @@ def test_numbers_of_info_are_those_of_their_world_and_none_is_cut_to_its_neighbo
         assert 0 < int(whole.sum()) < 8
         assert torch.equal(state["half"], torch.where(whole, 1.0, 0.5))
         assert torch.equal(state["lap"], torch.where(whole, 0.0, 7.0))
-    assert "touched" not in state  # as many numbers as something touches
-    assert simulation.step(actions(0, 0, 8)).state["late"].tolist() == [[0.0]] * 8  # two numbers, no more said
+    assert "touched" not in state  # its length varies, as that of a list of contacts does
+    assert simulation.step(actions(0, 0, 8)).state["late"].tolist() == [[0.0]] * 8  # two numbers now: counts as missing
 
 
 def test_what_f_needs_of_info_keeps_its_shape():
@@ -221,7 +222,7 @@ def test_each_step_that_is_played_again_is_told(paused: bool):
     if not paused:
         after.resume(begun.snapshot())
     steps = int(begun.env.sim.memory()["steps"].sum())
-    assert len(told) == 3 + steps > 3, "the task, its worlds and their start come before"
+    assert len(told) == 3 + steps > 3, "the task, its worlds and their start are told before the steps"
 
 
 def test_names_come_from_the_documentation_and_no_word_of_what_counts():

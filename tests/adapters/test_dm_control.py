@@ -1,4 +1,4 @@
-"""dm_control itself, where DMC_PYTHON names a Python that has it: a second MuJoCo and 200 MB."""
+"""The real dm_control, where DMC_PYTHON names a Python that has it. It takes 200 MB, and a second MuJoCo."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""dm_control by a fake of its interface."""
+"""dm_control's tasks, with a fake of its interface."""
 
 import sys
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ def moved(first: list[float], second: list[float]) -> torch.Tensor:
 
 def test_observations_measures_and_joints_are_the_state_table(arm: BatchedEnv):
     known = context(arm.task.env)
-    assert known.state.names[:5] == ("height", "position", "qpos", "qvel", "obs_buf")  # nothing of `ball`, `distance`
+    assert known.state.names[:5] == ("height", "position", "qpos", "qvel", "obs_buf")  # no `ball`, no `distance`
     assert known.state["height"].meaning == "the height of the arm" and known.state["position"].use != "point"
     assert known.state["qpos"].meaning.endswith(": root (7: x, y, z, quaternion w, x, y, z), hinge")
     assert known.description == "to do arm-swing of dm_control"

@@ -1,4 +1,4 @@
-"""What is made of the documentation of an environment: intent, marks, and what a prompt shows."""
+"""What an environment's documentation becomes: the task's intent, the use of each variable, and text in the prompt."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_figures_padding_and_tables_that_repeat_are_left_out():
         "| 0 | height of torso | {} | Inf | position (m) |\n| 1 | angle of torso | -Inf | Inf | angle (rad) |"
     )
     assert documents.told(DOCUMENT, {"height_of_torso"}) == heading + table.format("-Inf")
-    bounded = DOCUMENT.replace("torso | -Inf", "torso | 0.7 ", 1)  # which the state table does not tell
+    bounded = DOCUMENT.replace("torso | -Inf", "torso | 0.7 ", 1)  # the state table has no bounds
     assert documents.told(bounded, known) == heading + table.format("0.7")
 
 
@@ -89,7 +89,7 @@ def test_what_ends_an_episode_early_is_told_and_how_long_one_may_be_is_not():
     told = context("gym:Hopper-v5").source.partition("## Termination\n\n")[2]
     assert "the environment terminates when the Hopper is unhealthy" in told and "$[-0.2, 0.2]$" in told
     assert "1000 timesteps" not in told
-    assert context("gym:CartPole-v1").source.endswith("display)")  # "3. Truncation: Episode length is greater ..."
+    assert context("gym:CartPole-v1").source.endswith("display)")  # left out: "3. Truncation: Episode length ..."
     paid = "## Episode end\nIt falls.\n\nIt is solved with a reward of 1.\n\n- Truncation: soon.\n1. Not."
     assert documents.told(paid) == "## Episode end\n\nIt falls."
 

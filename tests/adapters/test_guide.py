@@ -1,4 +1,4 @@
-"""What the guides on environments of others tell to type works as they say."""
+"""The commands and code in the guides to Gymnasium and to environments in another Python work as the guides say."""
 
 import re
 import shlex
@@ -25,7 +25,7 @@ WORDS = [shlex.split(line, comments=True) for line in GUIDE.splitlines() if re.m
 
 
 class Here:
-    """A trainer in this process: starting others takes longer than these trainings."""
+    """Trains in this process: to start worker processes would take longer than these trainings."""
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Any]:
         yield from Population(env, lanes, budget, threads=1).train()
@@ -79,7 +79,7 @@ def test_every_environment_of_the_page_is_found():
 
 @pytest.fixture
 def carts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file of the guide, in the working directory."""
+    """Writes the guide's file into a new working directory."""
     (tmp_path / "carts.py").write_text(re.search(r"```python\n(.*?)```", ELSEWHERE, re.DOTALL)[1])
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Here())
@@ -95,7 +95,7 @@ def test_the_factory_of_the_page_is_an_environment(carts: None, capsys: pytest.C
     typed([*(word.replace("2e5", "4096") for word in train[1:]), "dir=trained"])
     assert "human: F" in capsys.readouterr().out
     searched = registry.get(named(run)[0]).spec
-    assert "gap" not in searched  # which F is made of
+    assert "gap" not in searched  # F is computed from it
     assert [variable.name for variable in offered(searched)] == ["place", "speed", "ahead"]  # to the embedded model
     typed(new[1:])
     assert registry.get("mine.py").num_observations == 3

@@ -1,4 +1,4 @@
-"""A reward that goes back to where its environment is from pays there what it paid here."""
+"""Exported rewards pay in Gymnasium what they paid in training, and `eureka new` drafts task files of environments."""
 
 from pathlib import Path
 from types import ModuleType
@@ -53,7 +53,7 @@ PROGRAMS = {
 
 
 def graph_of(task: type[Task], program: str, states: State) -> RewardGraph:
-    """Traced here: what tests write needs no sandbox."""
+    """Traces a program in this process: programs of the tests need no sandbox."""
     checked = gate.check(f"import torch\n{program.strip()}", task.spec)
     assert isinstance(checked, gate.Program), checked
     return probe.probe(load(checked), task.spec, states).graph
@@ -103,7 +103,7 @@ def test_a_wrapper_makes_the_environment_as_it_was_trained_on():
     assert loaded(text).normal(fixed, [0.5, 0.5]).tolist() == [0.5, 0.0]
     several = gymnasium.spaces.MultiBinary([2, 2])
     assert loaded(text).normal(several, [[0, 1], [1, 0]]).tolist() == [1, 0, 0, 1, 0, 1, 1, 0]
-    endless = gymnasium.spaces.Box(-3e38, 3e38, (1,))  # bounds that nobody reaches are none, as in training
+    endless = gymnasium.spaces.Box(-3e38, 3e38, (1,))  # bounds this large count as none, as in training
     assert loaded(text).normal(endless, [0.5]).tolist() == [0.5]
 
 
@@ -119,7 +119,7 @@ def test_a_wrapper_takes_zeros_for_what_info_leaves_out():
 
 
 def with_square(text: str) -> str:
-    """A drafted file in which somebody adds the variable that it proposes."""
+    """A drafted file's text, with the variable added that the draft proposes in a comment."""
     table = "spec = StateSpec(\n        ("
     assert table in text and '# state["squared"]' in text
     added = f'{table}StateVar("squared", "of the first"),'

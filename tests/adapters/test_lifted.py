@@ -14,8 +14,8 @@ from openeureka.testing.conformance.task import TaskConformance
 STEPS = 200
 EXACT = {"Hopper", "Walker2d", "HalfCheetah", "Swimmer", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"}
 SPEED = {"Ant": 0.045, "Humanoid": 0.002}
-"""[m/s] by which their speeds differ: Gymnasium takes them of places that the last stage of a Runge-Kutta step looked
-at."""
+"""Tolerance of the speed [m/s] by environment: Gymnasium computes it from positions at the last stage of a Runge-Kutta
+step, not at the end of the step."""
 
 
 class TestHopper(TaskConformance):
@@ -29,7 +29,7 @@ class TestPusher(TaskConformance):
 
 
 def compared(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Differences of observations (T, O) and rewards (T,); every step of both begins in Gymnasium's state."""
+    """Absolute differences of observations (T, O) and rewards (T,). Every step of both begins in Gymnasium's state."""
     ours = registry.make(f"gym:{name}-v5", worlds=1, threads=1)
     ours.reset()
     task = ours.task
@@ -66,7 +66,7 @@ def test_observations_and_rewards_are_those_of_gymnasium(name: str):
 
 
 def test_a_fingertip_is_where_a_runge_kutta_step_comes_to():
-    # Gymnasium reads it where the last stage of the step looked, some tenth of a millimetre away.
+    # Gymnasium reads its position at the last stage of the Runge-Kutta step, up to 3 mm away.
     seen, paid = compared("Reacher")
     assert seen[:, :8].max() < 5e-6 and seen.max() < 3e-3 and paid.max() < 3e-3
 
@@ -75,8 +75,8 @@ def test_a_fingertip_is_where_a_runge_kutta_step_comes_to():
 def test_contacts_and_speeds_are_those_of_the_state_that_a_step_comes_to(
     name: str, state: int, median: float, most: float
 ):
-    # Gymnasium reads forces of the last stage of a Runge-Kutta step: they differ where something has just touched. The
-    # guide has the same numbers.
+    # Gymnasium reads contact forces at the last stage of a Runge-Kutta step. They differ where a contact has just
+    # begun. The guide quotes these numbers.
     seen, paid = compared(name)
     assert seen[:, :state].max() < 5e-6
     assert (seen[:, state:] > 0.01).mean() < 0.04 and np.median(paid) < median and paid.max() < most
@@ -108,7 +108,7 @@ def test_a_world_that_breaks_down_before_the_last_substep_of_pusher_is_bad(monke
 
 
 def test_effort_is_that_of_the_action_asked_for():
-    # Hopper acts every 0.008 s: 80 ms are 10 steps, in which nothing acts.
+    # Hopper acts every 0.008 s, so a delay of 80 ms is 10 steps without any control.
     simulation = registry.make("gym:Hopper-v5", worlds=1, ranges=[ranges({"delay": (0.08, 0.08)})])
     simulation.reset()
     simulation.step(torch.full((1, 3), 0.5))

@@ -1,4 +1,4 @@
-"""ManiSkill by a fake of its interface."""
+"""ManiSkill's tasks, with a fake of its interface."""
 
 from collections.abc import Iterator
 
@@ -34,7 +34,7 @@ def test_the_observation_and_what_info_says_are_the_state_table():
     known = registry.get(CPU)
     assert known.spec.names == (
         *("elapsed", "agent_qpos", "goal_pos", "tcp_to_goal_pos", "obs_buf", "previous_obs_buf", "actions"),
-    )  # nothing of an empty array, nor of success
+    )  # neither the empty array nor success
     assert known.spec["agent_qpos"].meaning == "positions of the joints [rad or m]: slide"
     assert known.spec["goal_pos"].use == "point" and known.spec["tcp_to_goal_pos"].use != "point"
     assert known.description == "to reach a mark" and "it is there" not in known.source
@@ -51,7 +51,7 @@ def test_worlds_step_are_paid_and_reset_each_for_itself(reach: BatchedEnv):
         assert [paid % 10.0 for paid in first] == ([0.0, 1.0, 2.0] if reach.task.env == GPU else [0.0] * 3)
         if bool(step.done.any()):
             break
-    assert step.terminated.tolist() == [True, False, False]  # at 0.5, which is success
+    assert step.terminated.tolist() == [True, False, False]  # world 0 passed the mark at 0.5: success
     assert float(step.final_observation[0, 0]) > 0.5 and 0.0 <= float(step.observation[0, 0]) <= 0.1
     assert torch.equal(step.observation[1:], step.final_observation[1:])
     left = 6 - count

@@ -1,5 +1,5 @@
-"""mjlab itself, where MJLAB_PYTHON names a Python that has it: a MuJoCo of its own, and kernels that compile for a
-minute at each start."""
+"""The real mjlab, where MJLAB_PYTHON names a Python that has it. It needs its own MuJoCo, and compiles its kernels for
+a minute at each start."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""mjlab and Isaac Lab by fakes of their interfaces."""
+"""Tasks of mjlab and Isaac Lab, with fakes of their interfaces."""
 
 import sys
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ FAKES = {"mjlab:Fake-Carts": "command_mark", "isaaclab:Fake-Carts": "command_mar
 
 @pytest.fixture(scope="module", params=FAKES)
 def simulation(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[BatchedEnv]:
-    """Three worlds in another Python: this one, where the suites are fakes."""
+    """Three worlds in another process. It runs the same Python, with the fake suites installed."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", suites.faked(tmp_path_factory.mktemp("python"), "suites"))
         yield registry.make(request.param, worlds=3)
@@ -40,11 +40,11 @@ def test_the_state_is_that_of_the_scene_where_the_reward_is_computed(simulation:
     assert start.shape == (3, 2) and float(start[:, 0].abs().max()) <= 0.5
     step = simulation.step(torch.tensor([[1.0], [0.0], [-1.0]]))
     state = step.state
-    # 0.1 s of an acceleration of 3 m/s^2, and 0.1 s of the speed after it
+    # Speed: 0.1 s at 3 m/s^2. Place: 0.1 s at the new speed.
     assert state["robot_joint_vel"][:, 0].tolist() == pytest.approx([0.3, 0.0, -0.3])
     moved = start[:, 0] + torch.tensor([0.03, 0.0, -0.03])
     assert state["robot_joint_pos"][:, 0].tolist() == pytest.approx(moved.tolist())
-    assert state["robot_root_pos"][:, 0].tolist() == pytest.approx(moved.tolist(), abs=1e-5)  # from its own origin
+    assert state["robot_root_pos"][:, 0].tolist() == pytest.approx(moved.tolist(), abs=1e-5)  # from its world's origin
     assert state["robot_root_quat"].tolist() == [[0.0, 0.0, 0.0, 1.0]] * 3  # x, y, z, w
     scale = 1.0 if simulation.task.env.endswith("Direct") else 0.2  # a weight of 2, for 0.1 s
     paid = simulation.task.human_reward(state)

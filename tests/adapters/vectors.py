@@ -1,4 +1,4 @@
-"""Vector environments of Gymnasium's own, for `env=python:FILE.py:NAME`."""
+"""Gymnasium's own vector environments, for `env=python:FILE.py:NAME`."""
 
 import gymnasium
 import numpy as np
@@ -21,7 +21,7 @@ class Cells(gymnasium.Env):
 
 
 class Several(Cells):
-    """Observes an option, and numbers beside it."""
+    """Observes a tuple: a discrete option, and a dictionary of numbers."""
 
     observation_space = spaces.Tuple(
         (spaces.Discrete(3, start=-1), spaces.Dict({"far": spaces.Box(-9.0, 9.0, (2,), np.float32)}))

@@ -1,4 +1,4 @@
-"""Environments whose numbers can be told apart, registered under ids of their own."""
+"""Environments whose numbers can be told apart, registered as `Openeureka/NAME-v0`."""
 
 import sys
 from typing import Any
@@ -10,7 +10,8 @@ from gymnasium.envs.classic_control import CartPoleEnv
 
 
 class Clock(gymnasium.Env):
-    """Observes its episode's seed and step, pays ten times the step, ends after `end` steps, truncates after `cut`."""
+    """Observes the step; `info` has `luck`, which is drawn from the episode's seed. Pays ten times the step, ends after
+    `end` steps, truncates after `cut`."""
 
     metadata = {"render_modes": []}  # noqa: RUF012  as Gymnasium has it
     observation_space = spaces.Dict(
@@ -49,7 +50,7 @@ class Clock(gymnasium.Env):
 
 
 class Void(Clock):
-    """Observes nothing that is a number from step `cut` on, under names that mean something else."""
+    """Observes NaN from step `cut` on, under names that mean something else in a reward."""
 
     observation_space = spaces.Dict({name: spaces.Box(0.0, 100.0, (1,)) for name in ("class", "actions", "torch")})
 
@@ -59,7 +60,8 @@ class Void(Clock):
 
 
 class Teller(Clock):
-    """Says in `info` numbers of several types, None, and more or fewer of them from step to step or from step 12 on."""
+    """Tells in `info` numbers of several types, None, an array whose length changes at every step, and one that grows
+    at step 12."""
 
     def step(self, action):
         *moment, _ = super().step(action)
@@ -69,7 +71,7 @@ class Teller(Clock):
 
 
 class Presser(Clock):
-    """Says in `info` what is pressed, in every other step, and more of `late` from step 12 on."""
+    """Tells `pressed` in `info` at every other step, and a second number of `late` from step 12 on."""
 
     def step(self, action):
         *moment, _ = super().step(action)
@@ -78,7 +80,7 @@ class Presser(Clock):
 
 
 class Vast(Clock):
-    """Observes what 32 bits cannot hold."""
+    """Observes a number that 32 bits cannot hold."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
 
@@ -87,7 +89,7 @@ class Vast(Clock):
 
 
 class Astray(Clock):
-    """Observes a phase that its space does not have from step `cut` on."""
+    """Observes a phase outside its space from step `cut` on."""
 
     def _seen(self):
         return super()._seen() | {"phase": np.int64(0 if self.step_count < self.cut else -1)}
@@ -103,7 +105,7 @@ class Quitter(Clock):
 
 
 class Pointed(Clock):
-    """Wants to be told its goal where it is told anything at a reset."""
+    """Requires `goal` among the options of a reset, if it is given any options."""
 
     def reset(self, *, seed=None, options=None):
         if options is not None:
@@ -156,7 +158,7 @@ class Turned(CartPoleEnv):
 
 
 class Solver(Clock):
-    """Says only at the end whether it is solved, and how late it is: it is where its episode's luck is even."""
+    """Tells only at the end of an episode whether it succeeded and at which step. It succeeds if its `luck` is even."""
 
     def step(self, action):
         seen, paid, terminated, truncated, info = super().step(action)
@@ -166,7 +168,7 @@ class Solver(Clock):
 
 
 class Set(Clock):
-    """Says in `info` what its constructor was given, under names that mean something to a task too."""
+    """Tells in `info` what its constructor was given. Its parameters have names that a task uses too."""
 
     def __init__(self, episode_length: int = 20, model: int = 0, name: int = 0, memory: int = 0, **given: Any) -> None:
         super().__init__(cut=episode_length)
