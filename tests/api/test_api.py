@@ -32,7 +32,7 @@ EVENTS = openeureka.Event.__args__
 
 @pytest.fixture(autouse=True)
 def trainer(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
-    """A run of pure functions; what trained is in the trainer."""
+    """Replaces the trainer, the recorded states and the sandbox by pure functions. The trainer lists what trained."""
     toy = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: toy)
     monkeypatch.setattr(compose, "record_states", lambda env: {})
@@ -47,7 +47,7 @@ def search(directory: Path, model=None, **settings) -> openeureka.Run:
 
 
 class Waiting(ScriptedModel):
-    """Sleeps before its third reply, until somebody stops it."""
+    """Calls `act` before its third reply: Ctrl-C, unless a subclass does something else."""
 
     def sample(self, prompt, *, n, seed):
         if self.said == 2:
@@ -62,7 +62,7 @@ def test_a_search_returns_a_run_with_all_that_it_found(tmp_path):
     run = search(tmp_path / "run")
     assert run == openeureka.open_run(str(tmp_path / "run")) and run.finished
     assert run.best_reward == program(12.0)
-    # Held out takes one from each toy F; the human reward is worth 10: 11.01 against 9.005.
+    # A toy's F held out is one less than in training, and the human reward is worth 10: 11.01 against 9.005.
     assert run.verdict.startswith("Not decided: F 11.01 (1 seed) against 9.005 (2 seeds), held out. One seed says")
     assert run.outcome.normalised == pytest.approx(1.4, abs=0.01)
     assert [len(generation.entries) for generation in run.history.generations] == [2, 2]
@@ -73,7 +73,7 @@ def test_a_search_returns_a_run_with_all_that_it_found(tmp_path):
 def test_by_which_f_a_search_of_ones_own_ranks_is_kept(tmp_path):
     own = search(tmp_path / "own", search="openeureka.strategies.strategy:eureka")
     assert own.view.ranks == "training" and search(tmp_path / "run").view.ranks == "played"
-    assert own.candidates[0].score == 3.0  # F in training, of which one less is played
+    assert own.candidates[0].score == 3.0  # F in training; F played is one less
 
 
 def test_lanes_are_rows_of_plain_values(tmp_path):
@@ -144,7 +144,7 @@ def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys
     assert not run.finished and not [t for t in threading.enumerate() if t.name == "openeureka"]
     before = list(trainer.trained)
     assert run.resume(model=model).finished
-    assert model.said == 4  # no reply twice
+    assert model.said == 4  # no reply was asked for twice
     assert len(trainer.trained) == len(set(trainer.trained)) and trainer.trained[: len(before)] == before
     assert run.best_reward == program(12.0) and capsys.readouterr().out == ""
 
@@ -197,7 +197,7 @@ def test_a_model_that_has_a_name_is_not_asked_for_when_a_run_goes_on(tmp_path, c
 def test_ctrl_c_ends_a_loop_that_waits_for_an_event(tmp_path, capsys):
     class Slow(Waiting):
         def act(self):
-            os.kill(os.getpid(), signal.SIGINT)  # the main thread gets it, which is waiting
+            os.kill(os.getpid(), signal.SIGINT)  # goes to the main thread, which is waiting
             time.sleep(0.5)
 
     for event in openeureka.searching(model=Slow(SCRIPT), dir=tmp_path / "run", **SETTINGS):
@@ -391,7 +391,7 @@ def test_more_epochs_than_a_row_can_hold_are_refused_before_they_train(tmp_path)
     ],
 )
 def test_so_are_those_of_what_follows_a_search_and_of_stages(tmp_path, monkeypatch, settings, sentence):
-    """Before the executor is made, which may start a cluster."""
+    """More epochs than a row can hold are refused before the executor is made, as this may start a cluster."""
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: pytest.fail("an executor was made"))
     (tmp_path / "stages.yaml").write_text("- {steps: 1e9}\n- {}\n")
     if "curriculum" in settings:
@@ -443,7 +443,7 @@ def test_a_program_is_checked_as_text_or_file(tmp_path):
     with pytest.raises(RewardFileError, match="Cannot read the reward file"):
         openeureka.check("cartpole", "none.py")
     told = openeureka.check("cartpole", "def compute_reward(pole_angle): return pole_angle, {}")
-    assert told.findings[0].rule == "no-number"  # judged, and not looked for as a file
+    assert told.findings[0].rule == "no-number"  # taken as a program, not as a file name
 
 
 def test_what_is_no_run_is_said(tmp_path):
@@ -453,7 +453,7 @@ def test_what_is_no_run_is_said(tmp_path):
 
 @pytest.fixture
 def trained(tmp_path) -> openeureka.Run:
-    """A run with a policy of a network."""
+    """A run whose best policy is a network."""
     run = search(tmp_path / "run")
     (run.directory / "best" / "policy.safetensors").write_bytes(
         Policy("cartpole", policy(4, 1, (8,)).tensors).to_bytes()

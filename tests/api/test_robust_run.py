@@ -36,7 +36,7 @@ def searched(tmp_path: Path) -> Path:
 
 
 def kill(trainer: ToyTrainer, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
-    """Ctrl-C when so many more lanes are trained."""
+    """Make the trainer raise Ctrl-C after this many more lanes."""
     whole, before = trainer.result, len(trainer.trained)
 
     def result(lane):
