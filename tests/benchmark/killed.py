@@ -1,7 +1,8 @@
-"""Kills a bench with SIGKILL after its k-th commit and goes on with it, for every so many-th k; prints what that cost.
+"""Kills a bench with SIGKILL after its k-th commit and continues it, for k = 0, stride, 2 * stride and so on. Prints
+what each bench asked, trained and found.
 
-A process of its own, as small as can be: it forks for each run. What is not committed yet dies with any process;
-benchmarks/crashes.py kills there too.
+It is a script with few imports, because it forks for each run. It kills only at commits: what is not committed yet is
+lost with any process. benchmarks/crashes.py kills between commits too.
 """
 
 import json
@@ -23,7 +24,7 @@ from toys import PLAN, lines, play
 
 
 def in_child(work: Callable[[], object]) -> bool:
-    """Run in a fork; whether it was killed."""
+    """Run in a fork. Returns whether the fork was killed."""
     child = os.fork()
     if child == 0:
         work()
@@ -35,7 +36,7 @@ def in_child(work: Callable[[], object]) -> bool:
 
 
 def killing(k: int) -> None:
-    """End the process after the k-th commit to a run, or write of a file of the bench."""
+    """Make this process kill itself after commit number k, counted from 0. Writes of the bench's files count too."""
     left = [k]
 
     def counted(write: Callable[..., None], counts: Callable[..., bool]) -> Callable[..., None]:

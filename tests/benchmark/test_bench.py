@@ -41,21 +41,21 @@ def test_a_bench_says_what_each_arm_spent_and_found(tmp_path, meters):
     found = openeureka.bench(PLAN, dir=tmp_path / "bench")
     assert found.finished and not found.failures
     full, weaker = found.rows
-    # A toy's F is what its program returns plus a hundredth of the seed, held out one less: seeds 1, 2 and 11, 12 of
-    # the final trainings, so 11.015 and 11.115, and 5.015 and 5.115.
+    # A toy's F is the number that its program returns plus seed / 100; F held out is one less. The final trainings
+    # have the seeds 1 and 2, or 11 and 12. So their means are 11.015 and 11.115, and 5.015 and 5.115.
     assert full.held_out.value == pytest.approx(11.065) and weaker.held_out.value == pytest.approx(5.065)
-    # Exactly six less with both seeds: two values without a spread decide nothing.
+    # The difference is exactly -6 with both seeds, and two values without a spread decide nothing.
     assert weaker.difference.value == pytest.approx(-6.0) and not weaker.difference.sure
-    # Three steps a training: two candidates, of the weak model twice the same graph, which trains once. Then the human
-    # and the sparse reward, and two final seeds of the best and of the human one.
+    # A training takes three steps. Each search has two candidates; those of the weak model are the same graph, which
+    # trains once. Then come the human and the sparse reward, and two final seeds of the best and of the human one.
     assert (full.search_steps, weaker.search_steps) == (6, 3)
     assert (full.steps, weaker.steps) == (6 + 6 + 12, 3 + 6 + 12)
     assert len(lines(meters, "trained")) * 3 == 2 * (full.steps + weaker.steps)
-    # At three steps, what the weak model spent: the first of the strong one's plays 7 and 7.1.
+    # Matched at the weak model's three steps: there the strong model's first candidate has played 7 and 7.1.
     assert full.matched.value == pytest.approx(7.05) and weaker.matched.value == pytest.approx(5.05)
     assert full.cost_usd == pytest.approx(2 * 2 * 0.01)
     assert [(total.arm, total.cells) for total in found.totals] == [("full", 2), ("weaker", 2)]
-    # Human 9 + 0, 1 and 2 hundredths; sparse 4: (11.065 - 4.05) / (9.06 - 4.05), with those of the seed 10 on top.
+    # Human F is 9 + seed / 100 with the seeds 0 to 2 and 10 to 12: mean 9.06. Sparse F is 4 and 4.1: mean 4.05.
     human = (9.0 + 9.01 + 9.02 + 9.1 + 9.11 + 9.12) / 6
     assert full.score == pytest.approx((11.065 - 4.05) / (human - 4.05))
 
@@ -88,7 +88,7 @@ def test_its_file_says_of_what_plan_it_is_and_when_and_with_what_each_cell_ran(t
     monkeypatch.setattr(bench, "_conditions", lambda config: ran("2"))
     openeureka.bench(PLAN, dir=tmp_path / "bench")
     found = written()["begun"]
-    assert found["cartpole-full-0"] == ran("1"), "it was read, not run"
+    assert found["cartpole-full-0"] == ran("1"), "it is read, not run again"
     assert found["cartpole-weaker-0"] == ran("2")
     monkeypatch.undo()
     assert set(bench._conditions(RunConfig(device="cuda"))) == {"date", "device", "versions"}
@@ -105,7 +105,7 @@ def test_one_arm_is_compared_with_none(tmp_path):
 def test_what_is_finished_is_read_and_not_run_again(tmp_path, meters):
     first = openeureka.bench(PLAN, dir=tmp_path / "bench")
     before = lines(meters, "trained"), lines(meters, "asked")
-    (tmp_path / "bench" / "cartpole-full-0" / "report.html").unlink()  # as where it was killed before the report
+    (tmp_path / "bench" / "cartpole-full-0" / "report.html").unlink()  # as if killed before the report
     again = openeureka.bench(PLAN, dir=tmp_path / "bench")
     assert (lines(meters, "trained"), lines(meters, "asked")) == before
     assert again.rows == first.rows
@@ -128,7 +128,7 @@ def test_another_plan_may_have_other_arms_and_changes_no_cell_that_is_there(tmp_
     changed = {"first": {"model": "strong"}, "full": {"model": "strong", "sample": 4}}
     with pytest.raises(StoreError, match=r"cartpole-full-0 holds .* sample=4 \(was 2\).*delete its folder"):
         openeureka.bench({**PLAN, "arms": changed}, dir=tmp_path / "bench")
-    assert lines(meters, "asked") == before, "refused before the first one ran"
+    assert lines(meters, "asked") == before, "refused before the first cell ran"
 
 
 def test_a_cell_that_failed_with_a_mistyped_model_begins_anew_without_its_folder(tmp_path, monkeypatch):
@@ -161,7 +161,7 @@ def test_nothing_is_made_for_what_cannot_be(tmp_path):
 
 def test_an_arm_that_fails_says_so_and_the_others_go_on(tmp_path, capsys):
     arms = {"keyless": {"model": "keyless"}, **PLAN["arms"]}
-    assert run(tmp_path, {**PLAN, "seeds": [0], "arms": arms}) == 3  # that of ModelError
+    assert run(tmp_path, {**PLAN, "seeds": [0], "arms": arms}) == 3  # the exit code of ModelError
     out = capsys.readouterr().out
     assert "cartpole-keyless-0 could not be finished: The endpoint refused the key; check OPENAI_API_KEY." in out
     assert "Cell 3 of 3: cartpole-weaker-0" in out
@@ -213,7 +213,7 @@ def test_the_command_prints_a_table_and_ctrl_c_says_how_to_go_on(tmp_path, meter
 
 
 def test_a_killed_bench_goes_on_and_neither_asks_nor_trains_twice():
-    script, memory = Path(__file__).with_name("killed.py"), "/dev/shm"  # its processes sync whatever they write
+    script, memory = Path(__file__).with_name("killed.py"), "/dev/shm"  # its processes sync every write
     with tempfile.TemporaryDirectory(dir=memory if os.access(memory, os.W_OK) else None) as folder:
         command = [sys.executable, script, folder, "31"]
         said = subprocess.run(command, check=True, capture_output=True, text=True).stdout

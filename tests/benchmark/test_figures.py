@@ -1,4 +1,4 @@
-"""The numbers of a cell, of searches whose trainings last and cost what is said here."""
+"""The numbers of a cell, from searches whose trainings take given times and costs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_the_curve_counts_no_reward_that_breaks_a_limit(tmp_path: Path) -> None:
             for score in super().evaluate(env, policies, seed=seed, **options):
                 yield replace(score, costs={"torque": 10 * float(policies[score.lane])})
 
-    # Each takes 3 steps and plays one less than it is worth; 8 takes a torque of 80.
+    # Each reward trains for 3 steps and plays one less than it is worth. The one worth 8 needs a torque of 80.
     assert read(tmp_path / "free", Costly(), [6, 8, 7]).curve == ((3, 5.0), (6, 7.0))
     assert read(tmp_path / "bound", Costly(), [6, 8, 7], limits="torque=75").curve == ((3, 5.0), (9, 6.0))
 
@@ -44,5 +44,5 @@ def test_minutes_are_those_of_the_longest_of_what_trains_side_by_side(tmp_path: 
     first, second = (Candidate.of(program(worth)).id for worth in (7, 8))
     minutes = {f"{first}-s0": 1, f"{second}-s0": 2, "human-s0": 3, "sparse-s0": 1}
     minutes |= {f"{second}-s1": 1, f"{second}-s2": 4, "human-s1": 2, "human-s2": 1}
-    # 3 in the generation, 4 in the final trainings.
+    # 3 minutes in the generation, 4 in the final trainings.
     assert read(tmp_path, Slow(), [7, 8]).minutes == 7.0

@@ -1,4 +1,4 @@
-"""What a plan may say, and the sentence for what it may not."""
+"""What a plan may contain, and the error for anything else."""
 
 import re
 from pathlib import Path

@@ -20,11 +20,11 @@ def compared(*results: Result) -> Comparison:
 
 
 def test_an_interval_is_students():
-    # Mean 12, standard deviation 2, t(2, 0.975) = 4.3027: half is 4.3027 * 2 / sqrt(3) = 4.9683.
+    # Mean 12, standard deviation 2, t(2, 0.975) = 4.3027: the half-width is 4.3027 * 2 / sqrt(3) = 4.9683.
     found = estimate([10.0, 12.0, 14.0])
     assert (found.value, found.low, found.high) == pytest.approx((12.0, 7.0317, 16.9683), abs=1e-4)
     assert found.sure and not estimate([-1.0, 2.0, 1.0]).sure
-    # Of two that hold together each has 97.5 %: t(2, 0.9875) = 6.2053, half is 7.1653.
+    # Two intervals that hold together have 97.5 % each: t(2, 0.9875) = 6.2053, the half-width is 7.1653.
     assert estimate([10.0, 12.0, 14.0], claims=2).low == pytest.approx(4.8347, abs=1e-4)
 
 
@@ -40,7 +40,7 @@ def test_arms_are_compared_with_the_first_seed_by_seed():
     )
     full, random, *rest = table.rows
     assert (full.held_out.value, full.seeds, full.difference) == (15.0, 2, None)
-    # -2 and -3: mean -2.5, standard deviation 0.7071, t(1, 0.975) = 12.7062: half is 6.3531.
+    # -2 and -3: mean -2.5, standard deviation 0.7071, t(1, 0.975) = 12.7062: the half-width is 6.3531.
     assert (random.difference.value, random.difference.low) == pytest.approx((-2.5, -8.8531), abs=1e-4)
     assert not random.difference.sure
     assert (random.steps, random.cost_usd, random.minutes) == (200, 1.0, 4.0)
@@ -48,7 +48,7 @@ def test_arms_are_compared_with_the_first_seed_by_seed():
 
 
 def test_scores_are_on_one_scale_for_a_task_and_clipped():
-    # Human 10 and 14, sparse 5 and 3: the scale is 12 and 4, so 8 is 0.5, 40 is 3 and 0 is 0.
+    # Human 10 and 14, sparse 5 and 3: F 12 scores 1 and F 4 scores 0. So 8 scores 0.5; 40 is clipped to 3, 0 to 0.
     table = compared(
         *(result("cartpole", "full", 0, 8.0), result("cartpole", "full", 1, 40.0, human=14.0, sparse=3.0)),
         result("cartpole", "random", 0, 0.0, human=None, sparse=None),
@@ -67,7 +67,7 @@ def test_arms_are_matched_at_the_steps_of_the_cheapest_of_the_seed():
         result("cartpole", "full", 1, 9.0, search_steps=90, curve=((90, 6.0),)),
     )
     full, random, *_ = table.rows
-    assert (full.matched.value, random.matched.value) == (5.0, 3.0)  # 4 at 120 steps and 6 at 90
+    assert (full.matched.value, random.matched.value) == (5.0, 3.0)  # full: 4 at 120 steps, 6 at 90
 
 
 def test_a_search_that_trained_nothing_is_no_measure_and_is_not_hidden():
@@ -86,7 +86,7 @@ def test_a_search_that_had_played_nothing_by_then_is_said_to_be_left_out():
     )
     by_task, _ = table.tables()
     matched = by_task.titles.index("F played, matched steps")
-    # With the seed 0 at 120 steps, before the first was played; with the seed 1 alone at its own 200.
+    # Seed 0 is matched at 120 steps, before full has played a reward. Seed 1 has only full: matched at its own 200.
     assert [row[matched] for row in by_task.rows[:2]] == ["7 (1 undefined)", "3"]
     assert "It has no interval, because all searches share its scale." in by_task.note
 
@@ -110,6 +110,6 @@ def test_the_figure_has_a_panel_a_task_and_a_line_an_arm():
         ("random", "steps"),
         ("human reward, held out", "dashed"),
     ]
-    # The mean begins where both seeds have something, at two million steps, and stays to the end of the picture.
+    # The mean begins at two million steps, where both seeds have a value, and goes on to the end of the figure.
     assert dict(zip(chart.xs, chart.lines[0].values, strict=True)) == {2.0: 5.0, 4.0: 5.0}
     assert list(compared().figures()) == []

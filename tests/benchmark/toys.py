@@ -1,4 +1,4 @@
-"""A bench of pure functions: what is asked and what trains leaves a line in a file, which outlives the process."""
+"""A bench of pure functions. Each request and each training leaves a line in a file, which outlives the process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, r
 from openeureka.types import LaneSpec, Prompt, Reply, TrainBudget, TrainingProgress, TrainingResult
 
 SCRIPTS = {"strong": [reply(8), reply(12)], "weak": [reply(6), reply(6)]}
-"""By model; the weak one's rewards are one graph."""
+"""Replies by model. Both rewards of the weak model are the same graph."""
 PLAN = {
     "tasks": ["cartpole"],
     "seeds": [0, 10],
@@ -52,12 +52,12 @@ class MeteredTrainer(ToyTrainer):
 
 
 def play(monkeypatch: pytest.MonkeyPatch, meters: Path) -> None:
-    """Put these in place of a search's parts; `model=keyless` cannot be asked."""
+    """Put these fakes in place of a search's parts. `model=keyless` cannot be opened."""
 
     def model(config: RunConfig, held: int) -> ScriptedModel:
         if config.model == "keyless":
             raise ModelError("The endpoint refused the key; check OPENAI_API_KEY.")
-        script = SCRIPTS.get(config.model, [])  # a run with all its replies replays itself, and asks for none
+        script = SCRIPTS.get(config.model, [])  # a run that has all its replies replays them and asks for none
         return MeteredModel(script, said=held, name=f"{config.model}-{config.seed}", meter=meters / "asked")
 
     def trainer(*, snapshots: Path, **_: object) -> ToyTrainer:
