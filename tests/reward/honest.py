@@ -599,7 +599,7 @@ def compute_reward(object_pos, goal_pos, most: float = float("inf")):
 
 
 def sliced(states: dict[str, Any]) -> dict[str, Any]:
-    """The same states as parts of larger tensors, as those of a task may be: none is contiguous."""
+    """The same states as non-contiguous slices of larger tensors, which a task's states may be."""
     return {
         name: torch.stack((value, value), dim=-1)[..., 0] if isinstance(value, torch.Tensor) and value.dim() else value
         for name, value in states.items()

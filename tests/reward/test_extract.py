@@ -33,7 +33,7 @@ CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
         f"<think>```python\ndef compute_reward(y):\n    return y\n```</think>\n```python\n{REWARD}```",
         f"<thinking>```python\ndef compute_reward(y):\n    return y\n```</thinking>\n{REWARD}",
         f"Perhaps\n```python\ndef compute_reward(y):\n    return y\n```\nNo.\n</think>\n\n{REWARD}",
-        f"```python\n{REWARD}```\nThat is what I thought.</think>",  # no answer: better the draft than none
+        f"```python\n{REWARD}```\nThat is what I thought.</think>",  # no answer follows, so the draft counts
         f"<think>So.</think>\n```python\n{REWARD}```\nThe mark </think> is no part of it.",
         f"First a draft:\n```python\ndef compute_reward(y):\n    return y\n```\nBetter:\n```python\n{REWARD}```",
         f"```python\n{REWARD}```\nUse it so:\n```python\nloss = -compute_reward(x)[0].mean()\n```",
@@ -162,9 +162,9 @@ def test_a_byte_order_mark_takes_nothing_from_the_head_of_a_file(tmp_path: Path)
         json.dumps({"thoughts": "def is a word", "answer": [{"language": "python", "code": REWARD}]}, indent=2),
         json.dumps({"answer": f"Here it is.\n```python\n{REWARD}```"}),
         json.dumps({"draft": "def compute_reward(y):\n    return y, {}\n", "code": REWARD}),
-        '{"code": "' + REWARD + '"}',  # line breaks that ought to be escaped
+        '{"code": "' + REWARD + '"}',  # line breaks that JSON would escape
         f"As JSON:\n```json\n{json.dumps({'code': REWARD})}\n```\nThis rewards x.",
-        json.dumps({"plan": "none"}) + "\n" + json.dumps({"code": REWARD}),  # calls of two tools
+        json.dumps({"plan": "none"}) + "\n" + json.dumps({"code": REWARD}),  # two tool calls
     ],
 )
 def test_a_program_in_a_string_of_json_is_found(reply: str):
@@ -289,7 +289,7 @@ def test_hostile_replies_take_little_time(reply: str):
         (f"<think>So.</think>\n```python\n{REWARD}```\nThis", True),
         (f"1. ```python\n   {REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n2. This", True),
         (f"```python\n{HELPER}```\n```python\n{CALLER}```\nThis", True),
-        (f"```python\n{REWARD}", False),  # the next line may be part of it
+        (f"```python\n{REWARD}", False),  # the next line may belong to the program
         (f"```python\n{REWARD}``", False),
         (REWARD, False),
         (f"```python\n{REWARD}```\nBetter:\n```python\nimport", False),
@@ -328,7 +328,7 @@ LONG = {
 
 @pytest.mark.parametrize("name", LONG)
 def test_a_megabyte_of_anything_is_read_in_seconds(name: str) -> None:
-    """Time grows with the length alone: with its square, the fence would take hours."""
+    """The time grows linearly with the length. If it grew with the square, the fence would take hours."""
     started = time.thread_time()
     extract.program(LONG[name])
     assert time.thread_time() - started < 20.0

@@ -1,4 +1,4 @@
-"""Two programs of one form are one reward."""
+"""Programs of the same form count as the same reward."""
 
 from __future__ import annotations
 

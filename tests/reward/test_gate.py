@@ -236,8 +236,8 @@ def test_no_function_is_guessed_that_does_something_else(call: str) -> None:
     [
         ("gripper_position", "gripper_pos"),
         ("ball_velocities", "ball_velocity"),
-        ("actions", ""),  # of the step before
-        ("contact_force", ""),  # a scale is no force
+        ("actions", ""),  # prev_actions is of the step before
+        ("contact_force", ""),  # contact_force_scale is a factor, not a force
         ("goal2", ""),
         ("left_hand", ""),
     ],
@@ -469,7 +469,7 @@ def test_inner_functions_see_the_names_around_them() -> None:
 
 
 def test_guessing_names_takes_no_longer_than_reading_them() -> None:
-    """It took two minutes: a millisecond and more for each of thousands of names."""
+    """Guessing for thousands of unknown names once took two minutes."""
     body = "\n".join(f"    pos_abcdefghijklmnop{i} + vel_{'x' * 20}{i}" for i in range(330))
     started = time.thread_time()
     found = gate.check(f"def f(pos):\n{body}\n    return pos[:, 0], {{}}\n", STATE)

@@ -1,4 +1,4 @@
-"""Graphs as data: what may stand in one, what is refused, and that they compute on any number of worlds."""
+"""Graphs as data: what one may contain, what is refused, and that a graph runs on any number of worlds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from reward.honest import CARTPOLE, recorded
 
 
 def cart_reward() -> RewardGraph:
-    """-2 |x|, with |x| as a component and 3 ones per world that nothing needs."""
+    """-2 |x|, with |x| as a component. The last node, three ones per world, is needed by no output."""
     nodes = (
         Node("input", ("dof_pos",)),
         Node("select.int", ({"ref": 0}, 1, 0)),
@@ -187,14 +187,14 @@ def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) 
 
 
 def examined(*nodes: Node, worlds: int = 0) -> list[str]:
-    """Rules that a graph whose reward is its last node breaks."""
+    """The rules that a graph of these nodes breaks. Its reward is the last node."""
     made = RewardGraph(nodes=(Node("input", ("dof_pos",)), *nodes), reward=len(nodes), components=())
     found = examine.examine(probe.Traced(made, ()), CARTPOLE, recorded(CARTPOLE), worlds)
     return [finding.rule for finding in found]
 
 
 def test_a_shape_is_measured_with_the_worlds_that_train() -> None:
-    """x[:, None] * arange(n - 20,000): nothing to square below 20,000 worlds, more than the limit per world there."""
+    """An outer product of the worlds from 20,000 on: empty in 512 worlds, above the limit per world in 40,000."""
     beyond = (
         Node("select.int", ({"ref": 0}, 1, 0)),
         Node("slice.Tensor", ({"ref": 1}, 0, 20_000, 2**63 - 1)),
@@ -220,7 +220,7 @@ def test_worlds_that_depend_on_others_only_above_the_recorded_number_are_refused
 
 
 def refused(source: str) -> tuple[Finding, ...]:
-    """What is found of the graph of a program that the gate accepts."""
+    """Findings about the graph of a program that the gate accepts."""
     program = gate.check(source, CARTPOLE)
     assert isinstance(program, gate.Program), program
     states = recorded(CARTPOLE)
@@ -265,7 +265,7 @@ def test_a_reward_that_would_keep_a_training_waiting_is_refused(monkeypatch: pyt
 
 
 def test_a_compiled_graph_divides_no_integers_and_truncates() -> None:
-    """The least integer by -1 would end the process; floats have no such quotient."""
+    """Dividing the lowest int64 by -1 would end the process. Floats have no such case."""
     whole = Node("_to_copy.default", ({"ref": 1},), {"dtype": "int64"})
     for operands, rule in ((({"ref": 2}, {"ref": 2}), "integer"), (({"ref": 1}, {"ref": 2}), None)):
         divide = Node("div.Tensor_mode", operands, {"rounding_mode": "trunc"})
@@ -280,7 +280,7 @@ def test_a_compiled_graph_divides_no_integers_and_truncates() -> None:
 
 
 def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> None:
-    """The probe writes the mean per world into the graph; what else arrives would stop the trainer."""
+    """The probe writes the mean per world into the graph. A component of another shape would stop the trainer."""
     made = cart_reward()
     wide = RewardGraph(nodes=made.nodes, reward=made.reward, components=(("wide", 0),))
     findings = examine.examine(probe.Traced(wide, ()), CARTPOLE, recorded(CARTPOLE))
@@ -300,7 +300,7 @@ def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> Non
     ],
 )
 def test_a_reshape_is_one_of_slices_too(value: str) -> None:
-    """Tasks hand over parts of larger tensors; tracing sees contiguous ones, of which a reshape is a view."""
+    """Tracing sees contiguous tensors and records a reshape as a view, which fails on the slices that tasks pass."""
     worlds = StateVar(name="num_envs", meaning="worlds", kind="num_envs")
     spec = StateSpec((StateVar(name="q", shape=(2, 3), meaning="points"), worlds))
     program = gate.check(f"def compute_reward(q, num_envs):\n    return {value}, {{}}\n", spec)

@@ -1,4 +1,4 @@
-"""Programs in the styles of the field are accepted, and the graph computes what the program computes."""
+"""Programs in the usual styles are accepted, and each graph computes what its program computes."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_graph_computes_what_the_program_computes(name: str) -> None:
         states = recorded(spec, worlds, seed=worlds)
         before = {key: value.clone() for key, value in states.items() if isinstance(value, torch.Tensor)}
         reward, components = compiled(states)
-        if worlds > 1:  # `.squeeze()` alone has another meaning in a single world
+        if worlds > 1:  # in a single world, `.squeeze()` would also drop the dimension of worlds
             expected, expected_components = plain_python(
                 spec, source, {k: before.get(k, v) for k, v in states.items()}, worlds
             )
@@ -83,7 +83,7 @@ def test_the_last_function_is_the_reward_and_its_helpers_survive() -> None:
 
 def test_a_graph_of_a_usual_reward_is_small() -> None:
     spec, source = PROGRAMS["where on whole tensors as the original human reward"]
-    # 2 inputs, 4 columns, and about 20 operations of arithmetic: nothing of Python's bookkeeping remains
+    # 2 inputs, 4 columns and about 20 arithmetic operations: none of Python's bookkeeping remains
     assert len(accepted(spec, source).graph.nodes) <= 30
 
 
@@ -225,7 +225,7 @@ def test_components_of_another_shape_are_recorded_as_means() -> None:
     source = f"def f(actions):\n    return actions[:, 0], {components}\n"
     actions = torch.arange(16.0).view(2, 8) / 8
     _, found = graph.CompiledReward(accepted(ANT, source).graph, ANT)({"actions": actions})
-    # means of 0, 1/8, ... 7/8 and of 8/8 ... 15/8; five, then eight of eight are above 1/4
+    # means of 0, 1/8, ... 7/8 and of 8/8 ... 15/8; above 1/4 are five of eight, then all eight
     torch.testing.assert_close(found["joints"], torch.tensor([3.5 / 8, 11.5 / 8]))
     torch.testing.assert_close(found["grid"], found["joints"])
     torch.testing.assert_close(found["flags"], torch.tensor([5 / 8, 1.0]))

@@ -1,4 +1,4 @@
-"""What a program may do with the rows that a mask picks: compute with them, and not decide by how many they are."""
+"""A program may compute with the rows that a mask picks, but not decide anything by how many they are."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEGINNING = """def f(dof_pos, dof_vel, obs_buf):
 
 
 def judged(lines: str) -> Finding | probe.Traced:
-    """The verdict on a program whose lines after the fourth these are."""
+    """The first finding about the program of `BEGINNING` and these lines; its trace if there is no finding."""
     body = "".join(f"    {line}\n" for line in lines.split("\n"))
     program = gate.check(f"{BEGINNING}{body}    return r, {{}}\n", CARTPOLE)
     assert isinstance(program, gate.Program), [finding.sentence() for finding in program]
@@ -46,7 +46,7 @@ DECISIONS = {
 @pytest.mark.parametrize("mask", ["never", "some", "always"])
 @pytest.mark.parametrize("name", DECISIONS)
 def test_a_decision_by_how_many_elements_a_mask_picks_is_refused(name: str, mask: str) -> None:
-    """Where the mask never holds among the recorded states, the rare branch would be missing from the graph."""
+    """If the mask never holds in the recorded states, the graph would lack the branch for when it does."""
     found = judged(DECISIONS[name].replace("MASK", mask))
     assert isinstance(found, Finding) and found.sentence() == (
         "line 5: how many elements this mask picks decides what is computed, and one decision would hold for all "
@@ -82,7 +82,7 @@ def test_what_is_computed_of_rows_that_were_never_picked_is_in_the_graph(name: s
     assert isinstance(traced, probe.Traced), traced
     torch.manual_seed(0)
     x, v = torch.randn(64, 2), torch.randn(64, 2)
-    x[::2, 0] = 2e9  # where the mask holds, as in no recorded state
+    x[::2, 0] = 2e9  # the mask holds here, and in no recorded state
     state = {"dof_pos": x, "dof_vel": v, "obs_buf": torch.randn(64, 4)}
     reward, _ = graph.CompiledReward(traced.graph, CARTPOLE)(state)
     expected = -x[:, 0].abs()
@@ -90,8 +90,8 @@ def test_what_is_computed_of_rows_that_were_never_picked_is_in_the_graph(name: s
     torch.testing.assert_close(reward, expected)
 
 
-def test_nothing_may_come_of_nothing() -> None:
-    """An empty selection is judged by what comes of it: NaN here, and an error nowhere but where a mask is forced."""
+def test_an_empty_selection_is_judged_by_its_result() -> None:
+    """The mean of no rows is NaN. `max()` of no rows fails, which is ignored where only tracing empties the mask."""
     found = judged("r = r + 0.0 * x[never].mean()")
     assert isinstance(found, Finding) and found.rule == "nan"
     found = judged("r[some] = x[some].max()")

@@ -1,4 +1,4 @@
-"""Rotation helpers against hand-computed rotations; quaternions are x, y, z, w."""
+"""Rotation helpers against hand-computed rotations. Quaternions are (x, y, z, w)."""
 
 from __future__ import annotations
 
@@ -118,11 +118,11 @@ def test_transforms_compose_and_invert() -> None:
     close(joined_t, torch.zeros(64, 3))
 
 
-# --- against the matrix exponential: a way to rotate that shares nothing with the helpers -----------------------------
+# --- against the matrix exponential, which shares no formula with the helpers ----------------------------------------
 
 
 def turns(count: int = 64) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Angles in (0, pi), unit axes, the quaternions x, y, z, w by definition, and rotation matrices."""
+    """Angles in (0, pi), unit axes, quaternions (x, y, z, w) by their definition, and rotation matrices."""
     generator = torch.Generator().manual_seed(3)
     angle = math.pi * (0.01 + 0.98 * torch.rand(count, generator=generator))
     axis = torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
@@ -207,7 +207,7 @@ def test_headings_are_those_of_the_first_column() -> None:
 
 
 def test_only_the_yaw_part_rotates() -> None:
-    tilted = helpers.quat_mul(QUARTER_TURN_Z, torch.tensor([[HALF, 0.0, 0.0, HALF]]))  # 90 degrees of roll, then of yaw
+    tilted = helpers.quat_mul(QUARTER_TURN_Z, torch.tensor([[HALF, 0.0, 0.0, HALF]]))  # roll by 90 degrees, then yaw
     close(helpers.quat_apply_yaw(tilted, Z), Z)
 
 
@@ -218,7 +218,7 @@ def test_matrices_take_and_give_the_real_part_first() -> None:
     close(helpers.quaternion_to_matrix(3.0 * real_first), matrix)
     close((helpers.matrix_to_quaternion(matrix) * real_first).sum(-1).abs(), torch.ones(64))
     half_turns = torch.diag_embed(torch.tensor([[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]))
-    close(helpers.matrix_to_quaternion(half_turns).abs(), torch.eye(4)[1:])  # w is 0, so another entry must lead
+    close(helpers.matrix_to_quaternion(half_turns).abs(), torch.eye(4)[1:])  # w is 0, so the largest entry is another
 
 
 def test_points_of_a_frame_in_the_world() -> None:

@@ -1,4 +1,4 @@
-"""Ordinary replies of language models, on the real tasks: all but a few of them end as a graph that may train."""
+"""Ordinary replies of language models for the real tasks: each becomes a graph that may train."""
 
 from __future__ import annotations
 

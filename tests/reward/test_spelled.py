@@ -1,4 +1,4 @@
-"""A graph as Python computes what the graph computes."""
+"""A graph written as Python computes what the graph computes."""
 
 import pytest
 import torch

@@ -1,4 +1,4 @@
-"""Which numbers of a reward text may be tuned, and the text with others in their place."""
+"""Which numbers in the text of a reward may be tuned, and the text with other numbers in their place."""
 
 import math
 from pathlib import Path
@@ -131,7 +131,7 @@ def test_no_number_by_which_a_place_is_reached_weighs(lines):
 
 
 def test_what_a_place_is_chosen_by_still_weighs():
-    """Any number will do before a comparison, a choice or a cut to whole numbers, and in what has names for places."""
+    """Numbers count if a comparison, argmax or `.long()` comes between them and an index, or an index is a name."""
     lines = (
         'terms = {"near": 4 * x}',
         "for name in terms:",
