@@ -1,4 +1,4 @@
-"""Processor time of a sandbox: what else the machine does is no part of it."""
+"""Processor time of a sandbox, which does not depend on what else the machine does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from openeureka.sandbox.client import Sandbox
 
 
 def processor_seconds(sandbox: Sandbox) -> float:
-    """What its server has used so far, and every child of it that has ended."""
+    """Processor time of the sandbox's server so far, and of its children that have ended [s]."""
     assert sandbox._worker is not None
     stat = Path(f"/proc/{sandbox._worker.process.pid}/stat").read_text()
     user, system, *children = map(int, stat.rpartition(")")[2].split()[11:15])

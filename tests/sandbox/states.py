@@ -8,7 +8,7 @@ from openeureka.reward.states import Recorded
 
 
 def recorded() -> Recorded:
-    """256 worlds, the first 8 of them as after a reset: at the origin."""
+    """256 worlds. The first 8 are at the origin, as after a reset."""
     generator = torch.Generator().manual_seed(0)
     drawn = {"pos": (256, 3), "vel": (256, 3), "phase": (256,)}
     states = {name: torch.randn(shape, generator=generator) for name, shape in drawn.items()}

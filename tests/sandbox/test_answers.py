@@ -1,4 +1,4 @@
-"""What a confined child answers is data of a stranger: it is read whole or not at all, and cleaned for people."""
+"""A confined child's answer is untrusted data: it is read whole or not at all, and its text is cleaned."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_program_that_does_something_else_with_the_worlds_of_the_training_is_r
     program = gate.check(text, STATE)
     assert isinstance(program, gate.Program)
     assert server._probe(program, replace(BENCH, worlds=128)).findings == ()
-    with Sandbox(STATE, recorded(), worlds=512) as sandbox:  # whose server has to be told the number
+    with Sandbox(STATE, recorded(), worlds=512) as sandbox:  # the server must be told the number
         assert sandbox.check(Candidate.of(text)).findings[0].rule == "world-count"
 
 

@@ -1,4 +1,4 @@
-"""What a confined child can and cannot do, without the gate; and how the server outlives it."""
+"""What a confined child can and cannot do without the gate, and how the server outlives it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run(sandbox: Sandbox, body: str) -> Verdict:
 
 
 def test_without_the_gate_a_harmless_program_passes(sandbox: Sandbox) -> None:
-    assert run(sandbox, "import math").accepted  # so that the refusals below are the kernel's
+    assert run(sandbox, "import math").accepted  # so the refusals below come from the kernel
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_memory_is_bounded(sandbox: Sandbox, body: str) -> None:
 
 
 def test_the_environment_holds_nothing_of_ours(sandbox: Sandbox) -> None:
-    own = "{'LC_CTYPE', 'LD_LIBRARY_PATH', 'TORCHINDUCTOR_CACHE_DIR'}"  # Python and torch set the others
+    own = "{'LC_CTYPE', 'LD_LIBRARY_PATH', 'TORCHINDUCTOR_CACHE_DIR'}"  # Python and torch set these
     verdict = run(sandbox, f"import os\nraise ValueError(sorted(set(os.environ) - {own}))")
     assert verdict.findings[0].message == "ValueError: []"
 
@@ -108,7 +108,7 @@ def test_root_becomes_nobody(sandbox: Sandbox) -> None:
     verdict = run(
         sandbox, "import os\nraise ValueError(os.getuid() > 60000 and os.getgid() > 60000 and os.getgroups())"
     )
-    # getgroups itself is not among the allowed calls
+    # Only nobody reaches `getgroups`, which is not among the allowed calls.
     assert "PermissionError" in verdict.findings[0].message
 
 
@@ -141,7 +141,7 @@ def test_a_child_that_cannot_be_confined_runs_nothing_and_says_why(monkeypatch: 
     (finding,) = Answer.read(outcome.answer).findings
     said = "its process cannot be confined: root cannot become another user here; start it as an ordinary user"
     assert (finding.rule, finding.message) == ("unconfined", said)
-    # Whoever starts a search then reads that sentence.
+    # The person who starts a search reads the same sentence, from the server's warm-up.
     for work_done_once in ("_collapse", "gc"):
         monkeypatch.setattr(server, work_done_once, Mock())
     assert server._warm_up(server._Bench(STATE, RECORDED, 0, confined=True)) == said
@@ -195,7 +195,7 @@ raise ValueError(found)"""
 
 def test_a_child_inherits_no_compiler(sandbox: Sandbox) -> None:
     body = "import sys\nraise ValueError([name for name in sys.modules if name.startswith('torch._dynamo')])"
-    assert run(sandbox, body).findings[0].message == "ValueError: ['torch._dynamo']"  # what stands for it, alone
+    assert run(sandbox, body).findings[0].message == "ValueError: ['torch._dynamo']"  # only the empty stand-in
 
 
 def test_a_program_that_never_ends_is_ended(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,7 +211,7 @@ def test_a_program_that_waits_is_ended_too(sandbox: Sandbox, monkeypatch: pytest
     verdict = run(sandbox, "import time; time.sleep(60)")
     assert verdict.code is VerdictCode.TIMEOUT
     said = "the program did nothing for most of 3.2 s, on a machine with processors to spare"
-    assert verdict.findings[0].message == said  # 0.2 * 16
+    assert verdict.findings[0].message == said  # 3.2 = 0.2 * 16
     waited = 0.2 * (4 + 16)
     assert waited < time.monotonic() - started < waited + 0.2 * 4 + 1.2
 
@@ -240,9 +240,9 @@ def wait() -> Answer:
     ("kinds", "witness", "what"),
     [
         (["waited", "answer"], "none is asked", "answer"),
-        (["waited", "waited"], "timeout", "waited"),  # it had its time: the program is at fault
+        (["waited", "waited"], "timeout", "waited"),  # the witness had its time: the program is at fault
         (["waited", "waited", "waited"], "waited", "busy"),
-        (["waited", "waited", "timeout"], "waited", "timeout"),  # it loops, also where little is left for it
+        (["waited", "waited", "timeout"], "waited", "timeout"),  # the program loops, even on a busy machine
         (["waited", "waited", "answer"], "waited", "answer"),
     ],
 )
@@ -252,7 +252,7 @@ def test_a_child_that_never_woke_up_gets_a_successor_and_then_a_witness(
     children = iter(kinds)
     monkeypatch.setattr(server, "_judge_once", lambda *_: ("program", server._Outcome(next(children))))
     monkeypatch.setattr(server, "_compute", wait if witness == "waited" else server._compute)
-    seconds = 0.02 if witness == "waited" else 0.1  # else it must have its time on a busy machine
+    seconds = 0.02 if witness == "waited" else 0.1  # the witness that computes must get its time even on a busy machine
     assert server._judge(None, None, seconds) == ("program", server._Outcome(what))  # pyright: ignore[reportArgumentType]
     assert not list(children)
 
@@ -299,14 +299,14 @@ def test_a_forged_answer_is_never_accepted(sandbox: Sandbox, answer: str, code: 
 
 
 def test_a_forged_graph_that_breaks_the_contract_is_refused(sandbox: Sandbox) -> None:
-    """The child swears that a reward which couples worlds is fine; the parent looks for itself."""
+    """The child claims that a reward which couples worlds is fine. Another child judges the graph itself."""
     coupled = ["mean.default", [{"ref": 1}], {}], ["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]
     verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[1, 1, 1, 1]))
     assert verdict.findings[0].rule == "coupling"
 
 
 def forged_graph(*nodes: list[object], lines: object = ()) -> str:
-    """An answer with a graph of a child's own making, whose reward is its last node."""
+    """A forged answer with a graph of these nodes. Its reward is the last node."""
     named = [dict(zip(("op", "args", "kwargs"), node, strict=True)) for node in nodes]
     data = {"version": 1, "nodes": named, "reward": len(nodes) - 1, "components": []}
     return forged(repr(json.dumps({"graph": data, "lines": lines}).encode()))
@@ -345,7 +345,7 @@ def test_the_parts_of_a_value_count(sandbox: Sandbox) -> None:
     verdict = run(
         sandbox, forged_graph(*nodes, ["getitem", [{"ref": 4}, 0], {}], ["select.int", [{"ref": 5}, 0, 0], {}])
     )
-    assert verdict.findings[0].rule == "memory"  # 4,000 values and 4,000 indices per world; 4,096 may be
+    assert verdict.findings[0].rule == "memory"  # 4,000 values and 4,000 indices per world; the limit is 4,096
 
 
 TABLES = """total = pos[:, 0]
@@ -402,7 +402,7 @@ def test_a_server_that_is_killed_is_started_again(sandbox: Sandbox) -> None:
 
 
 class Worker:
-    """Stands for a server, which hangs or dies, or answers."""
+    """Stands in for a server that hangs, dies or answers."""
 
     def __init__(self, error: type[WorkerError] | None) -> None:
         self.error = error

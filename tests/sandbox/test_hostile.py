@@ -1,4 +1,4 @@
-"""Every hostile program meets its verdict, and does no harm even where there is no gate."""
+"""Every hostile program gets the verdict that it should, and does no harm even without the gate."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ GOLDEN = Path(__file__).parents[1] / "golden" / "hostile.md"
 THEIR_WORDS = ("error", "syntax")
 """Rules whose message is Python's or torch's own text, which changes with their versions."""
 LAST = 93
-"""The idea that came last."""
+"""The highest number of an idea."""
 UNGATED = [h for h in CORPUS if h.layer is Layer.GATE and h.name != "sleep"]
-"""A program that waits takes all the time that there is; `test_confine.py` ends one."""
+"""Without `sleep`, which would wait until its time is over; `test_confine.py` has such a program."""
 HOW_DEEP_PYTHON_READS = 49
 """The idea whose message depends on Python's version."""
 PR_SET_CHILD_SUBREAPER = 36
@@ -41,11 +41,11 @@ PR_SET_CHILD_SUBREAPER = 36
 
 @pytest.fixture(scope="module")
 def surroundings() -> Iterator[None]:
-    """A secret to steal, and eyes on whoever runs away."""
+    """Sets a secret to steal, and lets this process see every process that escapes."""
     if not confine.support().complete:
         pytest.skip(confine.support().sentence())
     os.environ["SOME_API_KEY"] = SECRET
-    # Whoever escapes from the server's care becomes a child of this process, and is seen.
+    # A process that outlives its parent becomes a child of this one, so `descendants` finds it.
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
     yield
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
@@ -84,12 +84,12 @@ def golden() -> Iterator[dict[str, str]]:
 
 
 def descendants(pid: int) -> set[int]:
-    """Every process that descends from one, dead ones that nobody reaped included."""
+    """All descendants of a process, zombies included."""
     parents: dict[int, int] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
-        except OSError:  # it ended meanwhile
+        except OSError:  # the process ended meanwhile
             continue
     found, size = {pid}, 0
     while size < len(found):
@@ -99,7 +99,7 @@ def descendants(pid: int) -> set[int]:
 
 
 class Watch:
-    """Remembers the state of the world, and asserts later that a program left all of it alone."""
+    """Records what a program could harm, and asserts later that all of it is unchanged."""
 
     def __init__(self, sandbox: Sandbox, canary: Path) -> None:
         self.sandbox, self.canary = sandbox, canary
@@ -138,7 +138,7 @@ def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Pa
     seconds = processor_seconds(sandbox) - before
     first = verdict.findings[0] if verdict.findings else None
     assert (verdict.code, first.rule if first else "") == (hostile.code, hostile.rule), first and first.sentence()
-    # Where the machine is busy, the clock ends children that have time left; then one without a program tries.
+    # On a busy machine a program is tried more than once, and a child without a program computes too.
     assert seconds < (len(server.TRIES) + 1) * client.SECONDS + 1.0
     watch.assert_no_harm(verdict)
     if first is not None and first.rule not in THEIR_WORDS and hostile.number != HOW_DEEP_PYTHON_READS:
@@ -166,7 +166,7 @@ def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sand
     for value in (reward, *components.values()):
         assert value.shape == (256,) and value.dtype == torch.float32 and value.stride() == (1,)
         assert torch.isfinite(value).all() and not value.requires_grad
-        value.fill_(7.0)  # shares memory with no input
+        value.fill_(7.0)  # would change an input that shared its memory
     assert all(COMPONENT_NAME.fullmatch(name) for name in components)
     fresh = recorded()
     assert all(torch.equal(states[name], fresh[name]) for name in ("pos", "vel", "phase"))  # type: ignore[arg-type]
@@ -174,7 +174,7 @@ def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sand
 
 @pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.TRAINING], ids=lambda hostile: hostile.id)
 def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: Sandbox) -> None:
-    """`LaneRewards` hands out what the trainer's guard stops; `training/test_guards.py` has the guard."""
+    """`LaneRewards` hands such rewards on. The trainer's guard stops them: see `training/test_guards.py`."""
     accepted = sandbox.check(Candidate.of(hostile.source)).graph
     assert accepted is not None
     cpu = torch.device("cpu")
@@ -193,7 +193,7 @@ def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: 
 
 
 def test_the_corpus_covers_the_list() -> None:
-    """Ideas 83, 89 and 90 are about replies, twins and dying processes: they have tests of their own."""
+    """Ideas 83, 89 and 90 are about replies, duplicate programs and dying processes, and are tested elsewhere."""
     assert {hostile.number for hostile in CORPUS} == set(range(1, LAST + 1)) - {83, 89, 90}
     assert all(count == 1 for count in Counter(hostile.id for hostile in CORPUS).values())
 

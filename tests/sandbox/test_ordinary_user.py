@@ -1,4 +1,4 @@
-"""Confinement holds without privileges: where the tests run as root, these run once more as a user who has none."""
+"""Confinement needs no privileges: if the tests run as root, these run again as a user without any."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ NOBODY = 65534
 
 @pytest.fixture
 def workshop() -> Iterator[Path]:
-    """A directory that belongs to nobody; pytest's own are closed to others."""
+    """A directory of the user `nobody`. pytest's own directories are closed to other users."""
     with tempfile.TemporaryDirectory() as name:
         os.chown(name, NOBODY, NOBODY)
         yield Path(name)
 
 
-# The `user=` of subprocess copies this whole process, which a machine may not have the memory for.
+# `user=` of subprocess would copy this whole process, for which the memory may not suffice.
 STEP_DOWN = f"""
 import os, sys
 os.setgroups([])
@@ -45,7 +45,7 @@ def as_nobody(*command: str, home: Path) -> subprocess.CompletedProcess[str]:
 
 
 def interpreter(workshop: Path) -> str | None:
-    """A Python that nobody may run, in an environment that holds the packages of this one."""
+    """A Python that the user `nobody` may run, with the packages of this one. None if there is none."""
     installed = shutil.which(f"python3.{sys.version_info.minor}", path="/usr/local/bin:/usr/bin")
     for base in {os.path.realpath(sys.executable), installed} - {None}:
         environment = workshop / f"environment-of-{base.replace('/', '-')}"
@@ -71,6 +71,6 @@ def test_the_hostile_corpus_does_no_harm_without_root(workshop: Path) -> None:
     corpus = str(TESTS / "sandbox" / "test_hostile.py")
     options = ["-p", "no:cacheprovider", f"--rootdir={TESTS.parent}", f"--basetemp={workshop / 'tests'}"]
     stopped = [hostile.id for hostile in CORPUS if hostile.layer is Layer.KERNEL]
-    options += ["-k", " or ".join(["without_the_gate", "honest", *stopped])]  # of the rest, no user's rights tell
+    options += ["-k", " or ".join(["without_the_gate", "honest", *stopped])]  # no others depend on the user's rights
     done = as_nobody(python, "-m", "pytest", *options, corpus, home=workshop)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]

@@ -1,4 +1,4 @@
-"""A warm sandbox judges a usual reward in a small fraction of a second of a processor."""
+"""A warm sandbox judges a usual reward in a small fraction of a second of processor time."""
 
 from __future__ import annotations
 

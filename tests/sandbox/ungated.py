@@ -1,4 +1,4 @@
-"""A sandbox whose server has no gate: what its children cannot do, the kernel keeps them from."""
+"""A sandbox whose server has no gate, so that only the kernel confines its children."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TESTS = str(Path(__file__).parents[1])
 
 
 class Ungated(Sandbox):
-    """Runs every text as it stands."""
+    """Runs every text unchecked."""
 
     def _start(self) -> Worker:
         with mock.patch.object(client, "Worker", _worker):

@@ -1,4 +1,4 @@
-"""The sandbox's server without its gate. Run by `ungated`; all but the gate is the package's own."""
+"""The sandbox's server without its gate, run by `ungated`. Everything but the gate is the package's own code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from openeureka.types import StateSpec
 
 @dataclass(frozen=True, slots=True)
 class Text(gate.Program):
-    """A program that nobody has read."""
+    """A program that no gate has checked."""
 
     source: str
 
@@ -37,7 +37,7 @@ def _nothing() -> Draft:
 
 
 def whole(program: gate.Program) -> load.Runner:
-    """In place of `load.load`: the text with all of Python; the last of its functions is the reward."""
+    """In place of `load.load`: the text may use all of Python, and its last function is the reward."""
     assert isinstance(program, Text)
     names: dict[str, Any] = {"torch": torch, "math": math}
     names.update({name: getattr(helper_functions, name) for name in surface.ALL_HELPERS})
@@ -56,7 +56,7 @@ def main() -> None:
     warm_up = server._warm_up
 
     def opened(bench: server._Bench) -> str:
-        problem = warm_up(bench)  # with the gate, as it always runs
+        problem = warm_up(bench)  # the warm-up runs with the gate
         gate.check, load.load = unread, whole
         return problem
 
@@ -65,5 +65,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    del os.environ["PYTHONPATH"]  # it led here; a child sees what the package gives it
+    del os.environ["PYTHONPATH"]  # only this module needed it; children must not see it
     main()
