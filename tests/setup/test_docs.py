@@ -1,4 +1,4 @@
-"""Documentation that a person can type: every command exists, every setting is known, every example is accepted."""
+"""What the documentation tells a person to type: commands and settings exist, and examples are accepted."""
 
 import re
 import shlex
@@ -51,15 +51,15 @@ def command_lines() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("page", "line"), command_lines())
 def test_documented_commands_and_settings_exist(page, line):
-    command, *words = shlex.split(line.partition("   ")[0], comments=True)  # what follows explains it
+    command, *words = shlex.split(line.partition("   ")[0], comments=True)  # after three spaces comes an explanation
     assert command in COMMANDS
     keys = {word.partition("=")[0] for word in split([w for w in words if not w.startswith("--")])[0]}
     known = set(RemarkKind) if command == "feedback" else set(KINDS[command].__dataclass_fields__) if keys else set()
-    assert keys <= known | ({"python"} if "env" in known else set())  # a part of the environment's name
+    assert keys <= known | ({"python"} if "env" in known else set())  # `python=PATH` becomes a part of `env`
 
 
 def anchors(page: Path) -> set[str]:
-    """Of its headings, as GitHub makes them."""
+    """The anchors of a page's headings, as GitHub makes them."""
     code = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
     headings = re.findall(r"^#+ (.+)$", code, re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}

@@ -1,4 +1,4 @@
-"""The classes that guides show, typed as the page says and put through the suites that the package ships."""
+"""The classes that guides show, typed as the page says, pass the conformance suites that the package ships."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING says of the code as a whole is so."""
+"""What CONTRIBUTING says about the code as a whole is true."""
 
 import ast
 import functools
@@ -67,7 +67,7 @@ def test_a_search_of_fakes_needs_neither_torch_nor_a_simulator(tmp_path: Path):
 
 
 def test_a_script_hides_no_folder_of_tests():
-    """Both are imported by their bare names: which one is found would depend on which tests are run."""
+    """Both are imported by their bare names, so which one is found would depend on which tests run."""
     tests = Path(__file__).parents[1]
     scripts = {path.stem for folder in ("benchmarks", "scripts") for path in (tests.parent / folder).glob("*.py")}
     assert scripts & {path.name for path in tests.iterdir() if path.is_dir()} == set()

@@ -14,7 +14,7 @@ check_tree = runpy.run_path(str(ROOT / "scripts" / "check_tree.py"))
 PINS = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
 
 TRACKERS = {"wandb", "mlflow"}
-"""Extras that no environment of ours installs: their tests talk to fakes."""
+"""Extras that the environment of the tests lacks. Their tests use fakes."""
 
 
 def test_every_pin_is_an_exact_public_version():
@@ -60,7 +60,7 @@ def test_the_tree_check_names_large_files(tmp_path):
 STARTS = re.compile(
     r"Worker|Popen|(subprocess|os|multiprocessing)\.(Popen|run|call|check_\w+|fork|posix_spawn|system|popen|Process)"
 )
-"""What a call that starts a process is to."""
+"""Names of calls that start a process."""
 
 
 def test_processes_are_started_where_contributing_says():
