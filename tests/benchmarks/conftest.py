@@ -1,4 +1,4 @@
-"""Scripts find each other by their bare names, and tests find them so too."""
+"""Puts the scripts' folders on the path: scripts import each other by bare name, and so do the tests."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The answers on the page of measurements say what the records say, whichever way those turn out."""
+"""The answers on the page of measurements say what the records say, whatever the outcome."""
 
 import re
 import sys
@@ -39,7 +39,7 @@ def test_the_verdict_in_use_is_the_one_that_is_told():
 
 
 def trained(**rewards: list[float]) -> dict[str, Any]:
-    """A reward for each F, by advice."""
+    """A record with a reward for each F, grouped by advice."""
     lanes = {f"{advice}{n}-s0": {"fitness": f} for advice, own in rewards.items() for n, f in enumerate(own)}
     return {"rewards": {advice: [f"{advice}{n}" for n in range(len(own))] for advice, own in rewards.items()}} | {
         "lanes": lanes
@@ -47,7 +47,8 @@ def trained(**rewards: list[float]) -> dict[str, Any]:
 
 
 def test_advice_is_decided_where_chance_makes_such_a_difference_in_one_of_twenty_cases_at_most():
-    # Means 2 and 3, each with a variance of 1 over three: the error is sqrt(2 / 3), t is 1.22 with four degrees.
+    # Means 2 and 3, each of three values with variance 1: the standard error is sqrt(2 / 3), and t is 1.22 with four
+    # degrees of freedom.
     said = prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[2.0, 3.0, 4.0])})
     assert said.startswith("No difference is shown. On ant the difference is 1.2 times its standard error")
     assert said.endswith("in 29 % of cases.")

@@ -20,12 +20,12 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Runs the script with toy trainings: human F is 10, sparse 5, plus a hundredth of the seed, one less held out."""
+    """Runs the script with toy trainings: F is 10 (human) or 5 (sparse) plus seed / 100, and one less held out."""
     trainer = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
 
     def go(*words: str) -> list[str]:
-        """Lanes trained by this call."""
+        """Returns the lanes that this call trained."""
         trainer.trained.clear()
         files = {"--dir": "runs", "--out": "all.json", "--shipped": "shipped.json"}
         baselines.main([*words, *(word for key, name in files.items() for word in (key, str(tmp_path / name)))])
@@ -78,7 +78,7 @@ def test_a_lane_that_diverged_is_a_result_and_one_that_died_is_none(go, tmp_path
     monkeypatch.setattr(ToyTrainer, "result", lambda self, lane: replace(train(self, lane), state=states[lane.id]))
     go("--env", "ant", "--seeds", "1")
     assert list(json.loads((tmp_path / "all.json").read_text())["ant"]["lanes"]) == ["sparse-s0"]
-    assert go("--env", "ant", "--seeds", "1") == [], "the run remembers it"
+    assert go("--env", "ant", "--seeds", "1") == [], "the run remembers the failed lane"
     assert go("--env", "ant", "--seeds", "1", "--again") == ["human-s0", "sparse-s0"]
 
 

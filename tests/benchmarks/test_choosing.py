@@ -23,7 +23,7 @@ def measured() -> dict[str, Any]:
 
 def test_f_of_the_one_chosen_from_so_many_is_that_of_all_draws(measured: dict[str, Any]) -> None:
     ((task, one, two, four, best, human),) = choosing.fewer(measured)
-    # Of the six pairs three hold a, two more b, one is c with d.
+    # Of the six pairs, a leads three (10), b two (40), and c one (20).
     assert (task, one, two, four) == ("ant", "17.5", "21.67", "10")
     assert (best, human) == ("40", "15")
 
@@ -31,13 +31,13 @@ def test_f_of_the_one_chosen_from_so_many_is_that_of_all_draws(measured: dict[st
 def test_of_rewards_that_play_alike_each_may_be_the_one(measured: dict[str, Any]) -> None:
     measured["ant"]["lanes"]["b-s0"] = lane(4.0, 4.0)
     ((_, one, two, four, _, _),) = choosing.fewer(measured)
-    # a and b count as 25; of the six pairs five hold one of them, and the last is c with d.
+    # a and b are level, so a pair of both counts as 25. a leads two other pairs (10), b two (40), and c one (20).
     assert (one, two, four) == ("17.5", "24.17", "25")
     ((*_, first, racing, _, _),) = choosing.ranking(measured)
     assert (first, racing) == ("25", "40")
     measured["ant"]["lanes"]["b-s0"] = measured["ant"]["lanes"]["d-s0"] = lane(2.0, 2.0)
     ((*_, racing, _, _),) = choosing.ranking(measured)
-    assert racing == "33.33"  # of a, which leads, with two of b, c and d: 40, 40, 20
+    assert racing == "33.33"  # a races with two of b, c and d; the best of each race: 40, 40, 20
 
 
 def test_a_task_without_fresh_seeds_has_no_row(measured: dict[str, Any]) -> None:

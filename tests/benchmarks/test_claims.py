@@ -1,4 +1,4 @@
-"""A claim holds where the interval over rewards says so, and every group that is compared has replies to repeat."""
+"""The interval over rewards decides whether a claim holds, and every group that is compared has its replies stored."""
 
 from collections.abc import Sequence
 
@@ -28,14 +28,14 @@ def test_tasks_count_alike_whatever_their_scores():
         "ballbalance": {"first": group([100 * x for x in low]), "reflection": group([100 * x for x in low])},
     }
     *_, (_, env, told, holds) = claims.answers(measured)
-    assert env == "all, in standard deviations" and holds == "yes"  # six of them on one task, none on the other
+    assert env == "all, in standard deviations" and holds == "yes"  # a gain of six on one task, none on the other
     assert told.startswith("3 (")
-    half = 4.3147 * (2 / 3) ** 0.5  # of Student, four degrees of freedom, an eighth of 5 % on each side
+    half = 4.3147 * (2 / 3) ** 0.5  # Student's t, four degrees of freedom, 5 % / 8 on each side
     assert claims.together([(high, low)]) == pytest.approx([6.0, 6.0 - half, 6.0 + half], 1e-3)
 
 
 def test_four_claims_are_asked_so_each_takes_more_to_hold():
-    low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]  # 3 ± 2.27 alone, 3 ± 3.52 beside three others
+    low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]  # 3 ± 2.27 alone, 3 ± 3.52 as one of four claims
     measured = {"ant": {"first": group(low), "reflection": group(high)}}
     assert [row[-1] for row in claims.answers(measured)] == ["not decided"]
 

@@ -1,4 +1,4 @@
-"""scripts/contact_sheet.py, but for what it photographs."""
+"""scripts/contact_sheet.py, except the pictures that it renders."""
 
 from types import ModuleType
 
@@ -11,7 +11,7 @@ from openeureka.tasks import registry
 
 @pytest.fixture
 def contact_sheet(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.setenv("MUJOCO_GL", "egl")  # as the script would, but only for now
+    monkeypatch.setenv("MUJOCO_GL", "egl")  # otherwise the script sets it for all later tests
     import contact_sheet  # pyright: ignore[reportMissingImports]
 
     return contact_sheet

@@ -9,5 +9,5 @@ def test_the_parts_of_a_training_step_are_within_its_cost():
     assert found["worlds_per_lane"] == 8 and found["lanes"] == cost.LANES
     (whole,) = found["training_us"]
     assert min(found["parts_us"].values()) > 0.0
-    assert sum(found["parts_us"].values()) <= 1.01 * whole  # each is rounded to 0.1 of hundreds
+    assert sum(found["parts_us"].values()) <= 1.01 * whole  # each part is some hundreds, rounded to 0.1
     assert found["training_over_bare_speed"] == pytest.approx(found["bare_us"][0] / whole, rel=0.05)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """Figures, as the script draws them."""
+    """The figures that the script draws."""
     found, written = list[Figure](), figures._svg
 
     def kept(figure: Figure) -> str:

@@ -1,4 +1,4 @@
-"""What later generations are worth: each search once, and a row of each, whatever its errors are."""
+"""The table of what later generations gain: each search is in it once, also one whose errors are zero."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The GPU benchmark, on the CPU: what it measures, and that a broken-off run goes on where it was."""
+"""The GPU benchmark, on the CPU: what it measures, and that an interrupted run goes on where it stopped."""
 
 import json
 import os
@@ -23,7 +23,8 @@ def sizes() -> Any:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Parts that answer at once, recorded by name; one that trains three lanes in three processes fails."""
+    """Replaces the parts by fakes that answer at once, and lists their calls. To train three lanes in three processes
+    fails."""
     called: list[str] = []
 
     def part(name: str, rate: int = 0):
@@ -57,7 +58,7 @@ def test_every_kind_of_part_is_run_for_every_task(sizes, fake, tmp_path):
     ]
     found = json.loads((tmp_path / "gpu.json").read_text())
     assert found["parts"]["processes/ant/3"]["error"] == "RuntimeError: out of memory"
-    assert gpu.rows(found)[0] == ["`ant`", "1,000", "800", "500", "", "", "", ""], "of 1, 4 and 16 lanes it was one"
+    assert gpu.rows(found)[0] == ["`ant`", "1,000", "800", "500", "", "", "", ""], "1 lane is measured, 4 and 16 not"
     assert found["machine"]["device"] == "cpu" and found["date"]
 
 
@@ -109,9 +110,9 @@ def test_a_part_that_takes_its_process_down_is_an_error_of_that_part():
 
 def test_simulation_is_measured(sizes):
     parity = parts.parity(ENV, "cpu", sizes)
-    assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU beside itself
+    assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU compared with itself
     raw, environment = parts.raw(ENV, "cpu", sizes), parts.environment(ENV, "cpu", sizes)
-    assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four
+    assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four worlds
     assert raw["steps_per_second"] > environment["steps_per_second"] > 0
     assert environment["broken_worlds"] == 0
 
@@ -120,7 +121,7 @@ def test_simulation_is_measured(sizes):
 @pytest.mark.parametrize("part", ["raw", "environment"])
 def test_a_rate_of_physics_that_lacked_room_is_an_error(sizes, monkeypatch, part):
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
-    monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet are nine rows
+    monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet alone take nine
     monkeypatch.setattr(parts, "RAW_EPISODE", 2)
     with pytest.raises(CapacityError, match="4 constraints per world"):
         getattr(parts, part)("ballbalance", "warp-cpu", sizes)
@@ -138,7 +139,7 @@ def test_the_human_reward_is_trained_for_a_time_and_scored(sizes, monkeypatch):
     def evaluate(self: Any, env: str, policies: dict[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         return (Evaluation(lane=lane, fitness=8.5, episode_length=9.0, episodes=1) for lane in policies)
 
-    monkeypatch.setattr(parts.LocalExecutor, "evaluate", evaluate)  # which would play 256 worlds for 500 steps
+    monkeypatch.setattr(parts.LocalExecutor, "evaluate", evaluate)  # the real one plays 256 worlds for 500 steps
     found = parts.human(ENV, "cpu", sizes, rate=2 * 4 * 16 * 3 / 0.1)  # three epochs of two lanes
     assert set(found["lanes"]) == {"human-s0", "human-s1"}
     assert found["lanes"]["human-s0"]["env_steps"] == 3 * 4 * 16

@@ -1,4 +1,4 @@
-"""The table's rows end as their numbers say, and every task has replies to repeat."""
+"""Each row of the headline table ends as its numbers say, and every task has its replies stored."""
 
 import json
 import lzma
@@ -53,11 +53,11 @@ def test_a_row_ends_as_its_interval_says():
 
 def test_seeds_that_could_not_decide_are_no_draw():
     own = row([1.0, 0.0, 1.0], [0.0] * 4, [0.67, 0.0, 1.33]) | {"runners_up": {"g0s1": [0.0, 1.0, 1.0]}}
-    assert headline.ending(own) == "too few seeds", "with a rival, 3 of 3 against 0 of 4 may be chance"
-    assert headline.ending(own | {"runners_up": {}}) == "level", "without, it is not"
+    assert headline.ending(own) == "too few seeds", "with a rival, even 3 of 3 against 0 of 4 may be chance"
+    assert headline.ending(own | {"runners_up": {}}) == "level", "without a rival, it would not be chance"
     assert headline.ending(own | {"generated": [0.5, 0.25, 1.0]}) == "level", "F has more than two values"
     rival = {"generated": [1.0] * 3, "human": [1.0, 0.5, 1.0, 1.0], "runners_up": {"g0s1": [0.5, 1.0, 1.0]}}
-    assert headline.ending(own | rival) == "too few seeds", "two values are no more than 0 and 1 are"
+    assert headline.ending(own | rival) == "too few seeds", "any two values count as 0 and 1 do"
     more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
     assert headline.ending(own | {"confirmed": more}) == "level"
     assert "level on 0, worse on 0. Three seeds are too few to tell on 1 tasks" in headline.summary({"ant": own})
@@ -93,10 +93,10 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     assert "1 tasks trained again" in told and "above the human one's on 0, equal on 0, below on 1. On 0 more" in told
     assert first[0] == "ant" and "level" in first and "3.5" in first[2]
     assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
-    assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # of the human mean 1.5, and of 4
+    assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # divided by the human mean: 1.5, and 4
     assert headline.gains({"ant": own}) == [("ant", "worse", -0.5, -0.75, -0.25)]
     unreached = {**row([3.0, 4.0], [0.0, 0.0], [3.5, 1.75, 5.25]), "confirmed": None}
-    assert headline.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "the strongest win has a bar too"
+    assert headline.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "a win over F 0 has a bar too"
 
 
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -154,7 +154,7 @@ def test_the_figure_shows_what_is_decided_beyond_one():
     shown = headline.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
     assert shown == [("ant", "better", 0.5, 1.5), ("anymal", "level", 0.5, 0.25)]
     ones, apart = row([1.0, 1.0], [1.0, 1.0], [0.0, 0.0, 0.0]), row([1.0, 1.0], [0.0, 0.0], [1.0, 1.0, 1.0])
-    # Every seed comes to the same.
+    # Every seed scores the same: without a spread, only a difference of 0 is shown.
     assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", "too few seeds", 0.5, 0.0)]
 
 
@@ -172,7 +172,7 @@ def test_eureka_s_rule_looks_at_training_alone():
     assert told.startswith("On 1 of ") and told.endswith(
         "better on 1 tasks, worse on 0 and level on 0. On 2 tasks the seeds are not trained yet."
     )
-    assert not greedy.waits(greedy.named("shadow_hand_switch"))  # the first of eight equals leads by both rules
+    assert not greedy.waits(greedy.named("shadow_hand_switch"))  # all eight are equal: the first leads by both rules
     assert greedy.waits(greedy.named("shadow_hand_swing_cup"))
     assert [row[0] for row in greedy.rows({"ant": same, "anymal": other})] == ["anymal"]
 
@@ -185,7 +185,7 @@ def test_an_archived_run_names_its_replies_as_any_clone_has_them():
 
 def test_what_is_archived_says_nothing_of_where_it_was_measured(tmp_path: Path, monkeypatch):
     (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / "anymal.sqlite.xz").read_bytes()))
-    monkeypatch.setattr(headline, "ROOT", Path("replay:benchmarks"))  # what stands before the name of the file
+    monkeypatch.setattr(headline, "ROOT", Path("replay:benchmarks"))  # the part to strip from the file's name
     kept = headline.portable(tmp_path / FILENAME)
     assert b"replay:benchmarks/" not in kept and b"headline/anymal.json" in kept
     (tmp_path / FILENAME).write_bytes(kept)
@@ -194,7 +194,7 @@ def test_what_is_archived_says_nothing_of_where_it_was_measured(tmp_path: Path, 
 
 
 class Idle:
-    """A trainer that is asked for nothing: all that a race needs is archived."""
+    """A trainer that must not be called: all that a race needs is archived."""
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> NoReturn:
         raise AssertionError(f"not archived: {', '.join(lane.id for lane in lanes)}")
@@ -207,7 +207,7 @@ class Idle:
 
 @pytest.mark.parametrize("env", sorted(json.loads((ROOT / "benchmarks" / "results" / "headline.json").read_text())))
 def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
-    """The rule may have changed since a row was measured; then the row has to be measured again."""
+    """Fails if the race's rule has changed since a row was measured: such a row has to be measured again."""
     (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
     with Store.view(tmp_path) as known:
         config = known.config

@@ -1,4 +1,5 @@
-"""What scripts keep: a look leaves the results alone, a part of them replaces its own rows, what is known is said."""
+"""What scripts keep: a quick look, such as `--tiny`, is not kept; a part of a measurement replaces only its own rows;
+known results are printed, not measured again."""
 
 import json
 import sys
@@ -49,7 +50,7 @@ def test_a_look_is_kept_nowhere(
     called(monkeypatch, script, *look, "--out", str(out))
     assert not out.exists()
     called(monkeypatch, script, "--out", str(out))
-    assert out.exists(), "the whole measurement is"
+    assert out.exists(), "the whole measurement is kept"
 
 
 def test_some_points_of_crashes_are_kept_in_a_file_of_theirs_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -73,7 +74,7 @@ def test_a_look_at_parity_is_kept_nowhere(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert not out.exists()
     called(monkeypatch, parity, "--out", str(out))
     told = parity.sentence(json.loads(out.read_text()))
-    # Both have a standard deviation of 0.7071, t(2, 0.975) = 4.3027: half is 3.0424.
+    # Both have a standard deviation of 0.7071, t(2, 0.975) = 4.3027: the half-width is 3.0424.
     assert "(2 seeds): a difference of 0 (-3 to 3). rsl_rl's takes 1.5 times as long." in told
 
 
@@ -143,6 +144,6 @@ def test_a_task_without_replies_says_that_the_human_reward_trains_alone(capsys):
 
 
 def test_a_signal_has_the_interval_over_tasks():
-    # 1, 0.5 and none, which is 0: mean 0.5, standard deviation 0.5, t(2, 0.975) = 4.3027: half is 1.2421.
+    # None counts as 0: mean 0.5, standard deviation 0.5, t(2, 0.975) = 4.3027: the half-width is 1.2421.
     assert predictors._over([1.0, 0.5, None]) == "0.5 (-0.74 to 1.7)"
     assert predictors._over([1.0]) == "1"

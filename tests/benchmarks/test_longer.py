@@ -1,4 +1,4 @@
-"""Longer searches: where the table ended below the human reward, from the same first replies."""
+"""Longer searches on the tasks where the table's reward ended below the human one, from the same first replies."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(monkeypatch: pyte
     monkeypatch.setattr(longer.fresh, "trained", trained)
     row = longer.measure(load(longer.PLAN), "ant")
     assert asked == [["human", "mine"], "ant", 9]
-    assert row["generated"] == [9.0], "what the race saw is kept, and does not decide"
+    assert row["generated"] == [9.0], "the race's scores are kept, but do not decide"
     assert row["confirmed"]["generated"] == [3.0, 5.0] and row["confirmed"]["difference"][0] == 2.5
     monkeypatch.setattr(longer, "RESULTS", tmp_path / "longer.json")
     (tmp_path / "longer.json").write_text(json.dumps({"ant": row}))
@@ -50,7 +50,7 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(monkeypatch: pyte
     assert (task, human, ending, crowned) == ("ant", "1.50 ± 0.71", "level", "g1s0") and apart.startswith("2.5 (")
     apart = {"generated": [1.0, 2.0, 3.0], "human": [4.0, 5.0, 6.0], "difference": [-3.0, -5.27, -0.73]}
     (told,) = longer.rows({"ant": row | {"confirmed": row["confirmed"] | apart}})
-    assert told[-2] == "level", "alone it would be worse, but four are asked"
+    assert told[-2] == "level", "worse if asked alone, but four tasks are asked"
     assert (
         longer.summary({"ant": row})
         == "After three generations, the generated reward is at or above the human one on 1 of 1 tasks."

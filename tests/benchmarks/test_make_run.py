@@ -1,4 +1,4 @@
-"""Runs of `make run` that are set side by side: which count, and what is said of those that share trainings."""
+"""The summary of several `make run`s: which of them count, and a note on those that share trainings."""
 
 import json
 from itertools import pairwise
@@ -9,7 +9,7 @@ import pytest
 
 
 def test_its_seeds_share_no_training():
-    # The run's own seed beside the first generation, then five fresh ones of the final trainings.
+    # The run's own seed for its generations, then five fresh seeds for the final trainings.
     assert make_run.reach() == 6
     assert all(other - one >= make_run.reach() for one, other in pairwise(make_run.SEEDS))
 

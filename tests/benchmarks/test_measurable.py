@@ -1,4 +1,4 @@
-"""What it costs to see only what sensors tell, from the records of tasks."""
+"""What it costs a policy to observe only what sensors measure, from the records of tasks."""
 
 import measurable
 

@@ -28,7 +28,7 @@ def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def searches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Results of make_run.py: all are known."""
+    """Results of make_run.py, known for all its seeds."""
     path = tmp_path / "make_run.json"
     path.write_text(json.dumps({str(seed): {"settings": " ".join(make_run.settings())} for seed in make_run.SEEDS}))
     monkeypatch.setattr(make_run, "RESULTS", path)
@@ -37,8 +37,8 @@ def searches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 mended, 3 x 5 groups and 3 x 2, 2 x 2 tunings, 3 of
-    # polish, a folder of rewards of progress, 3 x 2 of prompts
+    # measurable.py 3 tasks, headline.py 31, longer.py 4, mended.py 3, claims.py 3 x 5 groups and 3 x 2, tune.py 2 x 2,
+    # polish.py 3, progress.py one per folder of rewards, prompts.py 3 x 2
     assert len(commands) == 3 + 31 + 4 + 3 + 15 + 6 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 

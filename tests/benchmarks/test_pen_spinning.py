@@ -12,12 +12,12 @@ from openeureka.testing.scripted import ToyTrainer
 
 @pytest.fixture
 def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Runs the script; the human reward's policies reach 9 goals in held-out episodes, plus a hundredth of the seed."""
+    """Runs the script. Policies of the human reward reach 9 + seed / 100 goals in held-out episodes."""
     trainer = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
 
     def go(*words: str) -> list[str]:
-        """Lanes trained by this call."""
+        """Returns the lanes that this call trained."""
         trainer.trained.clear()
         folder = str(tmp_path / "runs")
         pen_spinning.main(["--seeds", "2", *words, "--dir", folder, "--out", str(tmp_path / "pen.json")])
@@ -44,10 +44,10 @@ def test_what_is_known_is_not_repeated(go, tmp_path: Path):
     path = tmp_path / "pen.json"
     found = json.loads(path.read_text())
     path.unlink()
-    assert go() == [], "the runs hold it"
+    assert go() == [], "the runs hold the results"
     assert json.loads(path.read_text()) == found
     shutil.rmtree(tmp_path / "runs")
-    assert go() == [], "and so does the file"
+    assert go() == [], "the file holds them too"
 
 
 def test_another_experiment_is_not_mixed_in(go):

@@ -1,4 +1,4 @@
-"""Both arms train the same files, what is known is not repeated, and a row says what came of it."""
+"""Both arms train the same reward files, known results are not measured again, and a row sums up both arms."""
 
 import json
 import re
@@ -21,7 +21,7 @@ def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     configs: list[TrainConfig] = []
 
     def learn(config: TrainConfig, peaks):
-        """F is 0 without the bonus; with it, a quarter of 1 and the seed."""
+        """F is 0 without the bonus, and 0.25 plus the seed with it."""
         configs.append(config)
         found = {}
         for path in map(Path, config.reward.split(",")):
@@ -35,7 +35,7 @@ def go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         return found
 
     def go(*words: str) -> list[TrainConfig]:
-        """What this call trained."""
+        """Returns the settings of what this call trained."""
         configs.clear()
         folder = str(tmp_path / "runs")
         progress.main(["--env", ENV, "--seeds", "2", *words, "--dir", folder, "--out", str(tmp_path / "found.json")])
@@ -60,7 +60,7 @@ def test_what_is_known_is_not_repeated_and_what_is_left_is_told(go, tmp_path: Pa
     path = tmp_path / "found.json"
     found = json.loads(path.read_text())
     assert all({"device", "date", "versions"} <= set(arm) for arm in found[ENV]["arms"].values())
-    # 0.25 and 1.25 over two seeds; progress counts up to 1, and the mean of 0.4 and 1.
+    # F is 0.25 and 1.25 with the two seeds. Progress is 0.4 and 1.4, clipped to 1: the mean is 0.7.
     assert f"{ENV} | 1,000,000 | throw | 0 ± 0 | 0.75 ± 0.71 | way 0.7 | way 0.7" in capsys.readouterr().out
     del found[ENV]["arms"]["none"]
     path.write_text(json.dumps(found))

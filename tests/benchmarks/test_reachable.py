@@ -1,9 +1,9 @@
-"""Plans that do a task still do it, and what hands hold is what their joints allow."""
+"""A stored plan still does its task, a plan without pushes does not, and a search always plays from the same start."""
 
 import reachable
 
 SURE = "shadow_hand_door_close_outward"
-"""Pushed shut with room to spare, so that another machine's rounding makes no difference."""
+"""Its plan closes the doors with room to spare, so rounding on another machine does not matter."""
 
 
 def test_a_plan_that_was_found_does_its_task_again():
@@ -19,7 +19,7 @@ def test_a_plan_of_no_pushes_does_not():
 
 
 def test_a_search_keeps_to_the_same_start():
-    """A start that changes from round to round would let a plan seem to do what it does for another start."""
+    """If the start changed from round to round, a plan could be kept for what it does from another start."""
     task = "shadow_hand_catch_underarm"
     (aim,) = (aim for aim in reachable.AIMS if aim.env == task)
     env = reachable.registry.make(task, worlds=1, lane_seeds=[reachable.SEED] * 2)

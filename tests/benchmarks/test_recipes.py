@@ -1,4 +1,4 @@
-"""Trainings of one recipe stand together, and what is known is neither trained again nor called new."""
+"""Trainings of one recipe share a row, and known trainings are neither repeated nor given a new date."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ RECORD = {"played": [0.0, 0.0, 0.0, 0.0, 0.0, 2.0], "window": [], "cpu_s": 1.0}
 
 @pytest.fixture
 def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
-    """Lanes that rungs.py trains, at once; each plays 2 in the end."""
+    """Lists the lanes that rungs.py trains. They train at once, and each plays 2 at its end."""
     lanes: list[str] = []
 
     def at_once(env: str, parts: Iterable[Sequence[LaneSpec]], steps: int, recipe: Any, keep: Any):
@@ -53,7 +53,7 @@ def test_where_no_lane_is_missing_there_is_no_part():
 
 def test_a_row_says_how_its_actions_begin_whether_the_task_does_so_or_the_caller(trained: list[str]):
     measure([0], worlds=64)
-    measure([0, 1], worlds=64, noise=0.4, head=0.01)  # as Ant's own recipe has it
+    measure([0, 1], worlds=64, noise=0.4, head=0.01)  # the values of Ant's own recipe
     measure([0], worlds=64, noise=1.0, head=1.0)
     assert trained == ["human-s0", "human-s1", "human-s0"]
     calm, published = told(rungs.RESULTS)["ant"].items()
@@ -94,7 +94,7 @@ def test_names_of_the_rows_that_are_shown_say_what_their_recipes_do():
 
 @pytest.fixture
 def replies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, trained: list[str]) -> list[str]:
-    """Two rewards an advice."""
+    """Stores two replies for each advice. Lists the lanes that are trained."""
     (tmp_path / "ant.json").write_text(json.dumps({"replies": {"small": ["a", "b"], "a tenth": ["c", "d"]}}))
     monkeypatch.setattr(prompts, "REPLIES", tmp_path)
     monkeypatch.setattr(rungs, "accepted", lambda env, texts: dict.fromkeys(texts, "human"))
@@ -135,7 +135,7 @@ def test_a_seed_is_left_until_each_of_its_lanes_is_there(replies: list[str]):
 
 @dataclass(frozen=True)
 class Lanes:
-    """A run that trains at once, and notes what it was asked for."""
+    """A fake of a run's lanes: trains at once, and lists the lanes that it was asked for."""
 
     asked: list[str]
     peaks: Any = ()

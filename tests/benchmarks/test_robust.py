@@ -1,4 +1,4 @@
-"""What ranges are worth, from the records of seeds."""
+"""What training with ranges gains and costs, from the records of seeds."""
 
 import sys
 from typing import Any
@@ -17,7 +17,8 @@ def test_losses_are_shares_of_what_the_plain_policy_has_and_loses():
         "1": seed(plain=(10.0, 4.0), uniform=(8.0, 7.0), ours=(10.0, 7.0)),
     }
     ((task, _, count, *scores, _, _, nominal, hard, uniform),) = robust.rows({"best": {"ant": seeds}})
-    assert (task, count, nominal, hard, uniform) == ("ant", "2", "5%", "50%", "60%")  # of 10; of the 5 that plain loses
+    # 5 % of plain's 10; 50 % and 60 % of the 5 that plain loses in hard worlds
+    assert (task, count, nominal, hard, uniform) == ("ant", "2", "5%", "50%", "60%")
     assert "/ 5.0 " in scores[0] and "/ 7.50 " in scores[3]
 
 
@@ -25,10 +26,10 @@ def test_the_gain_in_hard_worlds_has_an_interval_over_pairs_of_one_seed():
     pairs = {str(i): seed(plain=(9.0, p), uniform=(9.0, 1.0), ours=(9.0, p + gain)) for i, (p, gain) in enumerate(
         ((1.0, 1.0), (5.0, 2.0), (9.0, 3.0)))}  # fmt: skip
     ((*_, gained, without, _, _, _),) = robust.rows({"best": {"ant": pairs}})
-    assert without == "-4 (-14 to 5.9)"  # 1 less 1, 5 and 9: 4 +- 4.303 * 4 / sqrt(3)
+    assert without == "-4 (-14 to 5.9)"  # 1 minus 1, 5 and 9: -4 +- 4.303 * 4 / sqrt(3)
     assert gained == "2 (-0.48 to 4.5)"  # 2 +- 4.303 * 1 / sqrt(3), however far apart the seeds are
     ((*_, gained, _, _, _, _),) = robust.rows({"best": {"ant": {"0": pairs["0"]}}})
-    assert gained == "-"  # of one seed
+    assert gained == "-"  # one seed has no interval
 
 
 def test_of_a_negative_score_less_is_lost_too():

@@ -34,7 +34,7 @@ def test_rewards_that_pay_against_f_are_dropped_and_chance_takes_its_share_of_th
     assert (found.best, found.mean) == (1.0, 1.0)
     assert (found.dropped, found.dropped_sum) == (8, 0.0)
     assert found.mean_by_chance == pytest.approx(16 / 24)
-    assert found.best_by_chance == pytest.approx(1 - 1 / 735471)  # eight of twenty-four are all bad in one way
+    assert found.best_by_chance == pytest.approx(1 - 1 / 735471)  # one of the C(24, 8) choices has only bad ones
 
 
 def test_chance_misses_the_best_as_often_as_it_is_left_out() -> None:

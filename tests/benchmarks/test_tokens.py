@@ -1,4 +1,4 @@
-"""What a search takes of an endpoint is counted from searches that are kept."""
+"""The tokens that a search takes from an endpoint, counted from archived searches."""
 
 import headline
 import longer
@@ -6,7 +6,7 @@ import tokens
 
 
 def test_prompts_are_counted_once_a_generation_and_replies_each():
-    # 6,500, 10,787 and 13,507 characters of prompts.
+    # The prompts have 6,500, 10,787 and 13,507 characters, four per token.
     counted = list(tokens.rows("cartpole", headline.archive("cartpole", longer.ARCHIVE)))
     assert [row[:3] for row in counted] == [
         ("cartpole", "0", "1,625"), ("cartpole", "1", "2,697"), ("cartpole", "2", "3,377"),

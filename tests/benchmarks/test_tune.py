@@ -1,4 +1,4 @@
-"""The table of tunings: what is spoiled, what is measured, how much of the way back was found."""
+"""The table of tunings: how numbers are spoiled, what is measured, and how much of the loss a tuning makes good."""
 
 import argparse
 import math
@@ -51,8 +51,8 @@ def test_more_seeds_are_compared_with_more_seeds_of_the_human_reward():
         row = {"steps": steps, "confirmed": {"human": [0.2, 0.6]}}
         return [line[-2] for line in tune.rows(results, {"a": row})]
 
-    assert shares(9) == ["-", "50%", "75%"]  # of 0.2 with the tuning's own seeds, of 0.4 with other ones
-    assert shares(8) == ["-", "50%", "150%"]  # trained for another time, those tell nothing
+    assert shares(9) == ["-", "50%", "75%"]  # 0.1 of 0.2 with the tuning's seeds, 0.3 of 0.4 with other seeds
+    assert shares(8) == ["-", "50%", "150%"]  # human trainings of another length do not count: 0.3 of 0.2
 
 
 KNOWN = tune.read(tune.RESULTS)
@@ -80,7 +80,7 @@ def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     assert row[:4] == ["cartpole", "human", f"{record['settings']['steps']:,}", "0"] and row[-1].endswith(" of 6")
     record["confirmed"] = tune.confirm("cartpole/human/0", options)
     own = record["confirmed"]
-    assert own["seeds"] == [3, 4, 5]  # the tuning trained with 0 to 2
+    assert own["seeds"] == [3, 4, 5]  # the tuning trained with seeds 0 to 2
     assert len(own["held_out"]["before"]) == len(own["held_out"]["after"]) == 3
     assert own["difference"][0] == pytest.approx(mean(own["held_out"]["after"]) - mean(own["held_out"]["before"]))
     _, again = tune.rows({"cartpole/human/0": record})

@@ -1,4 +1,4 @@
-"""Drawn races: how often the interval in use errs, beside those that it was chosen over."""
+"""Races with drawn scores: how often the interval in use errs, and how often the alternatives to it do."""
 
 import pytest
 import verdicts

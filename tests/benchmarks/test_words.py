@@ -1,4 +1,4 @@
-"""Marks reach the policy whose film they were given for, and a measure says whose mean is which."""
+"""Marks go to the policy whose film they were given for, and a row compares the policies with and without the words."""
 
 from pathlib import Path
 from typing import Any
