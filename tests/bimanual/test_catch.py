@@ -1,4 +1,4 @@
-"""The tasks that hand eggs over with hands that move."""
+"""The tasks in which hands that can move pass eggs."""
 
 import math
 
@@ -29,7 +29,7 @@ def test_the_upright_hand_has_the_egg_on_its_fingertips_and_the_other_waits_belo
 
 def test_palms_abreast_tilt_towards_each_other() -> None:
     state = fresh(ABREAST).current_state()
-    out = torch.tensor([0.0, -1.0, 0.0])  # of the palm
+    out = torch.tensor([0.0, -1.0, 0.0])  # the palm's normal, in the hand's frame
     for side, towards in (("right", -1.0), ("left", 1.0)):
         facing = rotate(state[f"{side}_hand_rot"], out)[0].tolist()
         assert facing == pytest.approx([0.0, towards * math.sin(0.3925), math.cos(0.3925)], abs=2e-3)

@@ -13,7 +13,7 @@ CUP, DOOR, OVER = "shadow_hand_swing_cup", "shadow_hand_door_open_outward", "sha
 
 
 def test_two_compilations_of_a_model_are_equal() -> None:
-    """The other tests compile each once."""
+    """The other tests compile each model only once, so they would not notice a difference."""
     saved = []
     for _ in range(2):
         _, model = get(OVER).compiled()
@@ -44,7 +44,7 @@ def test_a_push_moves_the_base_without_turning_it(column: int, base: str) -> Non
     settled = press(simulation, {}, steps=30)
     before = press(simulation, {column: 1.0}, steps=6)
     after = press(simulation, {column: 1.0}, steps=15)
-    # 0.5 * 1e5 / 60 / 6 = 138.9 N against 501 N s/m is 0.277 m/s, for a quarter of a second.
+    # A force of 0.5 * 1e5 / 60 / 6 = 138.9 N against 501 N s/m gives 0.277 m/s, here for a quarter of a second.
     moved = after[f"{base}_pos"][0] - before[f"{base}_pos"][0]
     assert moved.tolist() == pytest.approx([0.0, 0.0, 0.0693], abs=0.003)
     assert float(rotation_distance(settled[f"{base}_rot"], after[f"{base}_rot"])) < 0.01
@@ -54,7 +54,7 @@ def test_a_torque_turns_the_base() -> None:
     simulation = fresh(DOOR)
     before = press(simulation, {}, steps=30)
     after = press(simulation, {5: 1.0}, steps=30)
-    # 0.5 * 1e3 / 60 / 6 = 1.39 N m against 2.65 N m s is 0.52 rad/s, for half a second.
+    # A torque of 0.5 * 1e3 / 60 / 6 = 1.39 N m against 2.65 N m s gives 0.52 rad/s, here for half a second.
     turned = float(rotation_distance(before["right_base_rot"], after["right_base_rot"]))
     assert turned == pytest.approx(0.26, abs=0.02)
     assert torch.allclose(before["left_base_rot"], after["left_base_rot"], atol=1e-3)
@@ -62,7 +62,7 @@ def test_a_torque_turns_the_base() -> None:
 
 def test_fixed_bases_have_neither_joints_nor_actions() -> None:
     simulation = fresh(OVER)
-    assert simulation.sim.model.nv == 24 + 24 + 6  # fingers and the egg
+    assert simulation.sim.model.nv == 24 + 24 + 6  # the joints of both hands, and the egg
     assert simulation.task.num_actions == 20 + 20
 
 

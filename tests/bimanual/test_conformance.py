@@ -5,7 +5,7 @@ from openeureka.testing.conformance.task import TaskConformance
 
 
 class TwoHandsConformance(TaskConformance):
-    random_worlds = 16  # twenty tasks move the same two hands
+    random_worlds = 16  # few are enough: twenty tasks move the same two hands
 
     def test_the_hands_start_apart(self) -> None:
         simulation = self._make(worlds=8)

@@ -99,7 +99,7 @@ def test_objects_rest_upright_at_the_height_of_their_base(thing: Thing, height: 
     assert data.body("object").xmat[8] > math.cos(0.05)
 
 
-# World positions of the points to grasp, from forward kinematics of the original's models , rounded to 3 mm.
+# World positions of the points to grasp, from the forward kinematics of the original models, to within 3 mm.
 @pytest.mark.parametrize(
     ("hands_at", "pitch", "angle", "right", "left"),
     [

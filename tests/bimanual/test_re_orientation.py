@@ -12,7 +12,7 @@ PLACES = {"object": [0.0, -0.39, 0.60], "object_another": [0.0, -0.76, 0.60]}
 
 
 def cubes(simulation: BatchedEnv, **angles: float) -> dict[str, list[float]]:
-    """Cubes at their starts, each turned away from the goal about z of the world by an angle."""
+    """Poses of cubes at their start positions, each turned from the goal about the world's z axis by an angle [rad]."""
     x, y, z, w = simulation.current_state()["goal_rot"][0].tolist()
     joints = {}
     for name, angle in angles.items():

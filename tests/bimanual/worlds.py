@@ -38,7 +38,7 @@ def scored(simulation: BatchedEnv, state: State) -> list[float]:
 
 
 def judged(simulation: BatchedEnv, state: State) -> State:
-    """The state after a step that led there."""
+    """The state with `outcome`, as after a step that led to it."""
     return {**state, "outcome": simulation.task.outcome(state)}
 
 
@@ -51,7 +51,7 @@ def press(simulation: BatchedEnv, action: Mapping[int, float], steps: int) -> St
 
 
 def let_go(simulation: BatchedEnv, steps: int) -> State:
-    """The state after the physics of some steps; drives keep their targets, and no episode ends."""
+    """The state after the physics of some control steps. Drives keep their targets, and no episode ends."""
     simulation.sim.step(steps * simulation.task.substeps)
     return simulation.current_state()
 
