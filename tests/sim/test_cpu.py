@@ -65,7 +65,7 @@ def test_broken_physics_writes_no_log_file(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_all_cores_are_those_that_this_process_may_use():
-    """Slurm and containers give a process a part of a machine."""
+    """Slurm and containers give a process only some of a machine's cores."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("openeureka.sim.cpu.usable_cores", lambda: 3)
         assert CpuSimulator(slider(), 5)._batch.nthread == 3

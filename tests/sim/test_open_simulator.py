@@ -33,7 +33,7 @@ def test_room_is_guessed_from_the_larger_condim_of_what_touches():
     assert room(3) == Capacity(20, 20 * 4)
     assert room(6) == Capacity(20, 20 * 10)
     assert room(3, pair=4) == Capacity(20, 20 * 6)
-    # 16 contacts, of one row where nothing that moves touches anything
+    # 16 contacts, with one row each if nothing that moves can touch anything
     assert room(6, solid=0) == Capacity(16, 16)
     assert room(6, solid=0, pair=3) == Capacity(16, 16 * 4)
 

@@ -1,11 +1,11 @@
-"""MuJoCo Warp against MuJoCo: the nine Isaac tasks and some others; `benchmarks/gpu.py` does it on a GPU."""
+"""MuJoCo Warp against MuJoCo on the nine Isaac tasks and some others. `benchmarks/gpu.py` compares them on a GPU."""
 
 import pytest
 
 from openeureka.testing.conformance.parity import compare
 
 pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
-pytestmark = pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
+pytestmark = pytest.mark.timeout(900)  # on an idle machine, compilation takes a minute
 
 # Float32 against float64, after one control step from the same state, relative to 1 + value.
 MEDIAN = 2e-5
@@ -16,7 +16,7 @@ USUAL = {
     "ballbalance": 1e-3,
     "ant": 1e-3,
     "allegro_hand": 1e-3,
-    "humanoid": 1e-2,  # feet's contact wrenches are the least exact
+    "humanoid": 1e-2,  # the contact wrenches of the feet are the least exact
     "anymal": 1e-2,
 }
 
@@ -28,7 +28,7 @@ def test_a_step_on_warp_is_a_step_of_mujoco(env: str):
 
 
 def test_a_shadow_hand_on_warp_is_one_of_mujoco_but_for_the_steps_in_which_two_fingers_touch():
-    """Two capsules that meet end to end may do so at one point twice in MuJoCo; here they do once."""
+    """Where two capsules meet end to end, MuJoCo may count one contact point twice. MuJoCo Warp counts it once."""
     for difference in compare("shadow_hand", "warp-cpu", 50):
         assert difference.median <= MEDIAN, difference
         if difference.variable in ("object_pos", "object_rot", "object_linvel", "object_angvel"):
@@ -39,7 +39,7 @@ def test_a_shadow_hand_on_warp_is_one_of_mujoco_but_for_the_steps_in_which_two_f
 
 @pytest.mark.parametrize("env", ["shadow_hand_push_block", "shadow_hand_door_open_outward", "shadow_hand_spin"])
 def test_other_suites_run_on_warp_too(env: str):
-    """A few steps of those whose kernels compile in seconds; all of them with `benchmarks/gpu.py --part parity`."""
+    """Five steps of tasks whose kernels compile in seconds. `benchmarks/gpu.py --part parity` compares all tasks."""
     assert all(difference.median <= MEDIAN for difference in compare(env, "warp-cpu", 5, worlds=2))
 
 

@@ -124,7 +124,7 @@ def test_muscles_are_stronger_in_whole_and_have_no_stiffness_of_drives():
     sim = CpuSimulator(model, 2, threads=1)
     ctrl, force, qpos = sim.bind("ctrl"), sim.bind("actuator_force"), sim.bind("qpos")
     perturbed(sim, strength=[1.0, 1.4])
-    qpos[:, :2] = 2.0  # so far that both are stretched, and pull by themselves
+    qpos[:, :2] = 2.0  # so far that both muscles are stretched and pull passively
     sim.forward(torch.arange(2))
     for excited in (0.0, 1.0):
         ctrl[:] = excited
@@ -145,11 +145,11 @@ def test_a_weak_drive_gives_less_at_its_limit_and_below_it():
     assert force[:, 0].tolist() == pytest.approx([5.0, 2.5, 1.5, 1.5])
 
 
-@pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
+@pytest.mark.timeout(900)  # on an idle machine, compilation takes a minute
 def test_every_factor_does_the_same_on_warp():
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
     model = mujoco.MjModel.from_xml_string(ARM)
-    worlds = len(FACTORS) + 1  # one factor differs in each but the last
+    worlds = len(FACTORS) + 1  # one factor is changed in each world but the last
     factors = {name: [1.5 if i == k else 1.0 for i in range(worlds)] for k, name in enumerate(FACTORS)}
     ends: list[torch.Tensor] = []
     for device in ("cpu", "warp-cpu"):

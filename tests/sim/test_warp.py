@@ -1,4 +1,4 @@
-"""MuJoCo Warp on its CPU device; kernels are compiled in the first run and kept in warp's cache (WARP_CACHE_PATH)."""
+"""MuJoCo Warp on its CPU device. The first run compiles kernels and keeps them in warp's cache (WARP_CACHE_PATH)."""
 
 import mujoco
 import pytest
@@ -11,7 +11,7 @@ from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.simulator import SimulatorConformance
 
 pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
-pytestmark = pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
+pytestmark = pytest.mark.timeout(900)  # on an idle machine, compilation takes a minute
 
 
 class TestWarpSimulator(SimulatorConformance):
@@ -34,7 +34,7 @@ PRESSED = """
 
 @pytest.fixture
 def pressed(monkeypatch: pytest.MonkeyPatch) -> tuple[Simulator, list[int]]:
-    """Three balls on a floor, and of each call for the constants of their models how many worlds it was for."""
+    """Three worlds with a ball on a floor, and a list to which each call of `set_const` adds its number of worlds."""
     from openeureka.sim import warp
 
     derive, calls = warp.mjw.set_const, list[int]()
@@ -52,7 +52,7 @@ def test_constants_are_derived_anew_from_a_mass_and_not_from_a_friction(pressed:
     assert not calls
     for _ in range(5):
         sim.step(2)
-    assert sim.bind("qvel")[1, 0] > sim.bind("qvel")[0, 0] + 1e-3  # it rubs less
+    assert sim.bind("qvel")[1, 0] > sim.bind("qvel")[0, 0] + 1e-3  # its friction is lower
     mass[1] *= 2.0
     sim.forward(worlds)
     sim.step(1)
@@ -72,7 +72,7 @@ def test_sensors_of_other_worlds_keep_what_they_felt_where_models_change(pressed
 
 def test_a_lack_of_room_is_an_error_that_names_the_setting(monkeypatch: pytest.MonkeyPatch):
     ballbalance = get("ballbalance")
-    monkeypatch.setattr(ballbalance, "max_constraints", 4)  # the pins of its feet are nine rows
+    monkeypatch.setattr(ballbalance, "max_constraints", 4)  # the three pinned feet alone take nine rows
     simulation = make("ballbalance", worlds=2, device="warp-cpu")
     simulation.reset()
     simulation.step(torch.zeros(2, 3))
