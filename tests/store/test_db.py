@@ -117,7 +117,7 @@ def test_two_that_migrate_one_file_do_not_collide(
 
     def late(self: Database) -> int:
         seen.append(prepared(self))
-        if len(seen) == 2:  # the number is read, and the transaction not begun
+        if len(seen) == 2:  # the first one has read the version, but not begun its transaction
             monkeypatch.setattr(Database, "_schema", prepared)
             Database(tmp_path, writable=True).close()
         return seen[-1]
@@ -224,12 +224,12 @@ def test_a_new_folder_is_synced_in_the_one_that_holds_it(tmp_path: Path, monkeyp
     synced: list[str] = []
     monkeypatch.setattr("os.fsync", lambda descriptor: synced.append(os.readlink(f"/proc/self/fd/{descriptor}")))
     artifacts.write(tmp_path, "lanes/a-s0/last.safetensors", b"policy")
-    # Each new folder in the one above it, the file itself, its name.
+    # The parents of the two new folders, the file itself, and the folder with its name.
     assert synced[:2] == [str(tmp_path), f"{tmp_path}/lanes"]
     assert synced[-1] == f"{tmp_path}/lanes/a-s0"
     assert len(synced) == 4
     artifacts.write(tmp_path, "lanes/a-s0/curves.json", "{}")
-    assert len(synced) == 6, "the folders are known"
+    assert len(synced) == 6, "folders that existed are not synced again"
 
 
 def test_two_writers_of_a_file_each_write_it_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,7 +243,7 @@ def test_two_writers_of_a_file_each_write_it_whole(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr("os.fsync", slow)
     artifacts.write(tmp_path, "report.html", "the first one's")
-    assert seen == ["the other's", "report.html"], "what is being written is no file of the folder yet"
+    assert seen == ["the other's", "report.html"], "a file that is still being written is not listed"
     assert (tmp_path / "report.html").read_text() == "the first one's"
     assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
 

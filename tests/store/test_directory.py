@@ -1,4 +1,4 @@
-"""Names of new runs, what is left where none begins, and who is at work on one."""
+"""Names of new runs, what a run that does not begin leaves, and which machine is running one."""
 
 import errno
 import fcntl
@@ -46,7 +46,7 @@ def test_what_a_run_began_with_stays_and_so_does_an_empty_directory_of_a_person(
 
 
 def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
-    """A shared home: SQLite's memory of the log is shared by the processes of one machine alone."""
+    """Machines may share a file system, but SQLite keeps its log's index in memory, which only one machine has."""
     with Store.open(tmp_path / "run", RunConfig(env="toy")):
         boot, host = (tmp_path / "run" / LOCK).read_text().split()
         assert host == os.uname().nodename and len(boot) == 36
@@ -56,12 +56,12 @@ def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
                 look(tmp_path / "run")
         ask_to_stop(tmp_path / "run")  # needs no rows
         assert is_asked_to_stop(tmp_path / "run")
-        (tmp_path / "run" / LOCK).write_text(f"{boot} a-container\n")  # of this machine, whatever it is called
+        (tmp_path / "run" / LOCK).write_text(f"{boot} a-container\n")  # this machine's boot id, another host name
         Store.view(tmp_path / "run").close()
-        (tmp_path / "run" / LOCK).write_text("")  # of an older version
+        (tmp_path / "run" / LOCK).write_text("")  # as an older version leaves it
         Store.view(tmp_path / "run").close()
     (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node7.example.org\n")
-    Store.view(tmp_path / "run").close()  # it was killed there
+    Store.view(tmp_path / "run").close()  # the process on the other machine was killed
     Store.open(tmp_path / "run", RunConfig(env="toy")).close()
     assert (tmp_path / "run" / LOCK).read_text().split() == [boot, host]
 

@@ -1,6 +1,6 @@
-"""What a run directory is put through: a full disk, damage, copies, other programs, missing rights, a clock that jumps.
+"""What can happen to a run directory: a full disk, damage, copies, other programs, missing rights, a clock that jumps.
 
-Each has an outcome that `docs/concepts/store.md` tabulates, and one sentence for the person.
+`docs/concepts/store.md` has a table of the outcomes. Each refusal is one sentence for the person.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SCRIPT = [reply(1), reply(2), reply(4), reply(3)]
 
 
 def search_in(directory: Path) -> int:
-    """Begin a scripted search, or go on with it; returns how many replies were asked for."""
+    """Begin or continue a scripted search. Returns how many replies it asked for."""
     with Store.open(directory, CONFIG) as store:
         model = ScriptedModel(SCRIPT, said=len(store.talk.replies()))
         before = model.said
@@ -48,7 +48,7 @@ def finished(tmp_path: Path) -> Path:
 
 
 def refusal(act: Callable[[], object]) -> str:
-    """The sentence with which it is refused; one line."""
+    """The one-line sentence with which `act` is refused."""
     with pytest.raises(StoreError) as caught:
         act()
     assert "\n" not in str(caught.value)
@@ -60,7 +60,7 @@ def refusal(act: Callable[[], object]) -> str:
 
 @pytest.fixture
 def small_disk() -> Iterator[Callable[[str], Path]]:
-    """Mounts a disk of a size, or gives the one that is mounted another size."""
+    """A function that mounts a disk of the given size, or resizes the one that is mounted."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount")
     with tempfile.TemporaryDirectory() as place:
@@ -163,7 +163,7 @@ def test_a_run_goes_on_where_it_was_moved_or_copied(tmp_path: Path, take: Callab
     elsewhere = tmp_path / "other" / "place"
     elsewhere.parent.mkdir()
     take(stopped(tmp_path / "run"), elsewhere)
-    assert search_in(elsewhere) == 2  # the other two replies were paid for
+    assert search_in(elsewhere) == 2  # the first two replies were stored
     assert "return 4" in (elsewhere / "best" / "reward.py").read_text()
 
 
@@ -176,7 +176,7 @@ def test_a_copy_does_not_touch_the_run_it_is_of(tmp_path: Path):
     assert search_in(original) == 2
 
 
-# --- others ----------------------------------------------------------------------------------------------------------
+# --- other programs and users ----------------------------------------------------------------------------------------
 
 
 def test_another_program_that_holds_the_database_is_named(finished: Path):
@@ -192,11 +192,11 @@ def test_another_program_that_holds_the_database_is_named(finished: Path):
 
 
 def as_nobody(act: Callable[[], object]) -> str:
-    """What it answers, or the sentence it is refused with, while this process owns nothing."""
+    """The result of `act` as the user `nobody`, as text, or the sentence with which it is refused."""
     if os.geteuid() != 0:
         return _answer(act)
     os.setresgid(65534, 65534, 0)
-    os.setresuid(65534, 65534, 0)  # the saved user stays root, which leads back
+    os.setresuid(65534, 65534, 0)  # the saved user id stays root, to change back
     try:
         return _answer(act)
     finally:
@@ -213,7 +213,7 @@ def _answer(act: Callable[[], object]) -> str:
 
 @pytest.fixture
 def foreign() -> Iterator[Path]:
-    """A finished run that may be read and not written."""
+    """A finished run that may be read but not written."""
     with tempfile.TemporaryDirectory() as place:
         search_in(Path(place) / "run")
         paths = [Path(place), *Path(place).rglob("*")]
@@ -301,4 +301,4 @@ def test_what_was_made_of_another_policy_goes_with_it_whatever_its_date(tmp_path
     assert not film.exists()
     film.write_bytes(b"of the final policy")
     search_in(directory)
-    assert film.exists(), "the same policy leaves it"
+    assert film.exists(), "a film of the same policy stays"

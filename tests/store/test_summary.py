@@ -26,7 +26,7 @@ def stand(run):
 
 @pytest.fixture
 def no_rows(monkeypatch):
-    """Whoever asks the rows fails."""
+    """Fails a test that opens the database."""
     monkeypatch.setattr(Store, "view", lambda directory: pytest.fail("the rows were asked"))
 
 
