@@ -22,7 +22,7 @@ class TestIslands(SearchConformance):
 
 SEARCH = "openeureka.strategies.islands:islands"
 TWO = Islands(samples=4)
-"""Slots 0 and 1 are one island, 2 and 3 the other."""
+"""Two islands: slots 0 and 1, and slots 2 and 3."""
 
 
 def parents(plans: list[PromptPlan]) -> list[Place]:
@@ -71,10 +71,10 @@ def test_the_weakest_island_begins_anew_from_the_best_of_another() -> None:
     history = grown(*weak)
     renewed = asked(history)
     assert parents(renewed) == [Place(0, 0), Place(0, 0)]
-    # Its children alone are its line from there, even where they are worse than what it had.
+    # From then on it only improves its new children, even if they are worse than its old rewards.
     later = history.grown(entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
-    # Where none of them trained, it is begun again.
+    # If none of the children trained, the island begins anew once more.
     lost = history.grown(entries(RENEWAL, [0.0, 0.0, None, None]))
     assert parents(asked(lost)) == [Place(0, 0), Place(0, 0)]
 

@@ -1,4 +1,4 @@
-"""A search of one's own that does not keep to what it promised."""
+"""A user's search that asks for more samples than the settings say."""
 
 from pathlib import Path
 from random import Random

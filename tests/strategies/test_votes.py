@@ -47,7 +47,7 @@ def test_judged_by_votes_the_preferred_candidate_is_ahead_of_one_with_higher_f()
     history = History(judge="votes").grown(entries(0, [5.0, 1.0, 9.0]))
     assert first(Ranking(history)) == Place(0, 2)  # nobody voted yet: F decides
     heard = history.heard([vote(Place(0, 1), Place(0, 0))])
-    assert first(Ranking(heard)) == Place(0, 1)  # and g0s2, whom nobody compared, is below g0s0 too
+    assert first(Ranking(heard)) == Place(0, 1)  # g0s2, which nobody compared, is below g0s0 too: see the next line
     assert first(Ranking(heard.heard([*heard.generations[0].remarks, veto(Place(0, 1))]))) == Place(0, 0)
 
 

@@ -1,4 +1,4 @@
-"""The fakes and the built-in strategies keep the promises of their kind."""
+"""The fakes and the built-in strategies pass the conformance suites."""
 
 from openeureka.strategies import Best, Eureka
 from openeureka.testing.conformance.model import ModelConformance
