@@ -40,7 +40,7 @@ def test_legs_are_told_by_where_they_are() -> None:
 
 
 def state_of(**values: float | list[float]) -> dict[str, Tensor]:
-    """What the rewards read, one world standing still at the origin unless said otherwise."""
+    """What the rewards read: one world that stands still at the origin, except for `values`."""
     rest = {
         "potentials": 0.0,
         "prev_potentials": 0.0,

@@ -30,7 +30,7 @@ def placed(env: BatchedEnv, qpos: list[float], qvel: list[float], angles: tuple[
 
 
 def state_of(**values: float | list[float]) -> dict[str, Tensor]:
-    """What the rewards read: one world that does exactly as told, without effort, unless said otherwise."""
+    """What the rewards read: one world that follows its command exactly, without torques, except for `values`."""
     perfect = {"velocity_error": [0.0, 0.0], "yaw_rate_error": 0.0, "torques": [0.0] * 12}
     return {name: torch.tensor([value]) for name, value in (perfect | values).items()}
 

@@ -53,7 +53,7 @@ def test_the_model_has_the_specified_masses_and_joints():
     hinges = [model.joint(i) for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE]
     assert [hinge.name for hinge in hinges] == [f"{part}_leg_joint{i}" for i in range(3) for part in ("upper", "lower")]
     assert [math.degrees(limit) for hinge in hinges for limit in hinge.range] == pytest.approx([-45, 45, -70, 90] * 3)
-    # 18 velocities less 6 of the ball less 9 rows of three pinned feet: height, roll and pitch of the tray
+    # 18 velocities - 6 of the ball - 9 rows of three pinned feet = 3: height, roll and pitch of the tray
     assert model.nv == 18 and model.neq == 3
 
 
@@ -143,7 +143,7 @@ def test_fitness_is_the_length_of_finished_episodes(env: BatchedEnv):
 
 @pytest.mark.parametrize(("noise", "low", "high"), [(0.0, 170.0, 290.0), (1.0, 80.0, 130.0)])
 def test_idle_and_random_tables_keep_the_ball_as_long_as_the_specification_says(noise: float, low: float, high: float):
-    """About 210 and 110 steps; over 64 throws their standard errors are about 19 and 5."""
+    """About 210 and 110 steps. Over 64 throws the standard errors are about 19 and 5."""
     env = make("ballbalance", worlds=64, threads=0)
     env.reset()
     generator = torch.Generator().manual_seed(0)

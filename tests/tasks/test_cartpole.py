@@ -40,7 +40,7 @@ def test_a_positive_action_pushes_the_cart_forward_and_the_pole_back():
     result = env.step(torch.tensor([[0.01]])).state
     # 4 N on a 1 kg cart that carries a 1 kg pole hinged below its centre: a = F / (2 - 0.47^2 / 0.3045) = 3.14 m/s^2
     assert float(result["cart_velocity"]) == pytest.approx(3.14 * 0.0166, rel=0.02)
-    # Leaning the pole towards +y is a negative turn about x; the push leaves it behind.
+    # Leaning the pole towards +y is a negative turn about x. The push leaves the pole behind.
     assert float(result["pole_velocity"]) == pytest.approx(3.14 * 0.47 / 0.3045 * 0.0166, rel=0.02)
 
 

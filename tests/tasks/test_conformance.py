@@ -41,11 +41,11 @@ class TestShadowHand(TaskConformance):
 
 class TestShadowHandSpin(TaskConformance):
     env = "shadow_hand_spin"
-    start_overlap = 0.01  # fingers, as ShadowHand
-    random_worlds = 32  # the hand is that of ShadowHand
+    start_overlap = 0.01  # the fingers, as for ShadowHand
+    random_worlds = 32  # few, as ShadowHand tests the same hand
 
 
 class TestShadowHandUpsideDown(TaskConformance):
     env = "shadow_hand_upside_down"
-    start_overlap = 0.01  # fingers, as ShadowHand
-    random_worlds = 32  # the hand is that of ShadowHand
+    start_overlap = 0.01  # the fingers, as for ShadowHand
+    random_worlds = 32  # few, as ShadowHand tests the same hand

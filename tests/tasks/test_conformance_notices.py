@@ -1,4 +1,4 @@
-"""The suite itself: each task below breaks one promise, and the check made for it must say so."""
+"""The conformance suite itself: each task below breaks one of its rules, and the check of that rule must fail."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ class ForgetfulReset(Cartpole):
 
 
 class Forgotten(Cartpole):
-    """It remembers something of each world, and `memory` does not say so."""
+    """Remembers something of each world that `memory` does not list."""
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
@@ -52,7 +52,7 @@ class Forgotten(Cartpole):
 
 
 class Levels(Cartpole):
-    """A level that a world rises to step by step decides where it starts anew, and `memory` does not say so."""
+    """Each step raises a world's level, which decides where its next episode starts. `memory` does not list it."""
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
@@ -97,7 +97,7 @@ class MixedSparse(Cartpole):
 
 
 class MixedHistory(Cartpole):
-    """Its F has in it how long the episodes of all worlds have lasted."""
+    """Its F depends on how long the episodes of all worlds have lasted."""
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(s["pole_angle"] + self.progress.float().mean())
@@ -131,7 +131,7 @@ class Talkative(Cartpole):
 def test_a_broken_promise_is_noticed(task: type[Cartpole], check: str):
     suite = TaskConformance()
     suite.env = f"{__name__}:{task.__name__}"
-    with pytest.raises((AssertionError, TaskError)):  # the environment itself notices some
+    with pytest.raises((AssertionError, TaskError)):  # the environment itself finds some faults
         getattr(suite, check)()
 
 
@@ -154,7 +154,7 @@ def test_what_lives_on_is_kept_where_memory_lists_it():
 
 
 class Counting(Cartpole):
-    """Its F is a count of what `outcome` saw."""
+    """Its `outcome` is the number of steps of the episode so far."""
 
     memory = ("count",)
 

@@ -1,4 +1,4 @@
-"""What a language model is told of the tasks, beside what `TaskConformance` checks of any task."""
+"""What a language model is told about the tasks, in addition to what `TaskConformance` checks for every task."""
 
 import ast
 import inspect
@@ -38,7 +38,7 @@ TASKS = [get(env) for env in SUITE]
 SECRET = ("outcome", "fitness", "human_reward", "sparse_reward", "success_bonus", "success", "terminated")
 COMMON = {0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0}  # numbers that mean nothing by themselves
 COINCIDENT = {"franka_cabinet": {0.01, 0.02, 0.04}, "shadow_hand_catch_over2underarm": {20.0}}
-"""Of the arm's grasp points and drives, and how many drives a hand has."""
+"""Numbers that are also shown for another reason: of the arm's grasp points and drives, and of a hand's drives."""
 
 LEAKY = """
 import torch
@@ -88,7 +88,7 @@ def test_what_the_score_names_too_is_never_shown(tmp_path):
 
 
 def methods(task: type[Task]) -> dict[str, list[Any]]:
-    """Every method of a task's own by name, as its classes define it."""
+    """All definitions of each method in a task's own classes, by name."""
     found: dict[str, list[Any]] = {}
     for cls in task.__mro__:
         if issubclass(cls, Task) and cls is not Task:
@@ -103,7 +103,7 @@ def parsed(function: Any) -> ast.AST:
 
 
 def secrets(task: type[Task]) -> tuple[set[str], set[float]]:
-    """Module constants and numbers in the human reward, the methods that say what is wanted, and those they call."""
+    """Module constants and numbers in the human reward, in the methods of `SECRET` and in what they call."""
     own, names, numbers = methods(task), set[str](), set[float]()
     written = [node.value for node in ast.walk(ast.parse(program(task))) if isinstance(node, ast.Constant)]
     numbers |= {float(value) for value in written if type(value) in (int, float)}
@@ -249,11 +249,11 @@ def test_of_many_points_each_is_told_once_and_a_hand_for_its_fingers():
     lines = [line for line in facts if line.startswith("  ")]
     assert len(lines) <= 12 and not any("_hand_ff_" in line for line in lines)
     assert any(line.startswith("  `object_pos` (0, 0.2, 0.62) m, 0.2 m from `right_goal_pos`, ") for line in lines)
-    assert not any(line.startswith("  `block_right_handle_pos`") for line in lines)  # it is the object's middle
+    assert not any(line.startswith("  `block_right_handle_pos`") for line in lines)  # it is at the object's centre
 
 
 def test_a_short_vector_is_told_by_columns_where_it_is_not_zero():
-    """ANYmal stands still at the start, so its error is the command: up to 2 m/s forward, 1 m/s to the left."""
+    """ANYmal stands still at first, so its velocity error is the command: up to 2 m/s forward, 1 m/s to the left."""
     facts = informed(context("anymal"), record_states("anymal", steps=3, keep=2), RunConfig(env="anymal")).facts
     (line,) = (line for line in facts if "velocity_error" in line)
     forward, left = re.findall(r"(-?[\d.]+) to (-?[\d.]+)", line)[:2]

@@ -22,7 +22,7 @@ LEGGED = (
         ("anymal", LEGGED),
         ("cartpole", LEGGED[:6]),  # it neither touches anything nor falls
         ("quadcopter", (*LEGGED[:6], "falls")),
-        ("ballbalance", (*LEGGED[:6], "falls")),  # pins hold its feet, whose forces are no contact's
+        ("ballbalance", (*LEGGED[:6], "falls")),  # its feet are held by pins, not by contacts
     ],
 )
 def test_a_task_has_the_costs_that_its_model_gives(env: str, names: tuple[str, ...]) -> None:
@@ -39,7 +39,7 @@ def test_an_episode_that_a_success_may_end_is_no_fall() -> None:
 
 
 def test_numbers_are_those_of_the_simulation() -> None:
-    """Two lanes of two worlds; the third world has ended before its second step."""
+    """Two lanes of two worlds. The third world's episode is over before the second step."""
     env = registry.make("anymal", worlds=2, lane_seeds=[0, 0], threads=1)
     meter = Meter(env)
     env.reset()
@@ -49,7 +49,7 @@ def test_numbers_are_those_of_the_simulation() -> None:
     for index in range(3):
         step = env.step(torch.full((4, 12), 0.5 if index else -0.5))
         meter.add(step, running)
-        assert not step.done.any()  # so the fields are still those that were measured
+        assert not step.done.any()  # a reset would overwrite the fields that were measured
         torques.append(force[:, 6:].clone())
         contacts.append(pressed[:, :3].norm(dim=1).clone())
         running[2] = False
@@ -68,7 +68,7 @@ def test_numbers_are_those_of_the_simulation() -> None:
 
 
 def test_numbers_are_those_of_the_joints_and_of_how_an_episode_ends() -> None:
-    """Two worlds of one step: the first falls, the second is timed out."""
+    """One step of two worlds: the first falls, the second times out."""
     env = registry.make("anymal", worlds=2, lane_seeds=[0], threads=1)
     meter = Meter(env)
     env.reset()
@@ -78,14 +78,14 @@ def test_numbers_are_those_of_the_joints_and_of_how_an_episode_ends() -> None:
     force[0, 6:9], rate[0, 6:9] = torch.tensor([3.0, -4.0, 0.0]), torch.tensor([2.0, 1.0, -5.0])
     low, high = torch.tensor(env.sim.model.jnt_range[1:], dtype=torch.float32).T
     at[:, 7:] = (low + high) / 2
-    at[0, 7] = low[0] + 0.02 * (high - low)[0]  # not within a hundredth of its range
+    at[0, 7] = low[0] + 0.02 * (high - low)[0]  # more than a hundredth of its range from the limit
     at[1, 9] = high[2] - 0.005 * (high - low)[2]
     assert env.watch is not None
     env.watch()
     fell, late = torch.tensor([True, False]), torch.tensor([False, True])
     meter.add(step._replace(terminated=fell, timed_out=late), torch.ones(2, dtype=torch.bool))
     (found,) = meter.read(1)
-    # Of the first world 4, 5, and 3 * 2 + 4 * 1 = 10; of the second 0.
+    # The first world has 4, 5, and 3 * 2 + 4 * 1 = 10; the second has 0.
     assert (found["torque"], found["speed"], found["power"]) == pytest.approx((2.0, 2.5, 5.0))
     assert (found["joint_limits"], found["falls"]) == (0.5, 0.5)
 
@@ -99,7 +99,7 @@ def test_an_unknown_limit_says_what_the_task_has() -> None:
 
 
 def test_a_body_that_drives_no_joint_and_touches_nothing_can_fall(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drone whose thrust acts at sites, without its contacts."""
+    """Stands for a drone whose thrust acts at sites: it has no driven joints and no contacts."""
     monkeypatch.setattr(costs, "_driven", lambda model: [])
     env = registry.make("quadcopter", worlds=2, lane_seeds=[0], threads=1)
     meter = Meter(env)

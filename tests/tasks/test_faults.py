@@ -25,7 +25,7 @@ IN_THE_HUMAN = ("upright = torch.cos(angle)", "upright = torch.cos(angl)")
 
 @pytest.fixture
 def broken(tmp_path, monkeypatch):
-    """The path of the pendulum with a text replaced, and the number of the line where that stands."""
+    """A function that writes the pendulum with a text replaced. Returns its path and the line of the replaced text."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "reward.py").write_text(REWARD)
 
@@ -116,7 +116,7 @@ def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, cha
     ("change", "says"),
     [
         (
-            ("self.qvel[:, 0].clone()", "self.qvel[:, 0] / (self.progress - 1)"),  # 0 / 0 or more after the first step
+            ("self.qvel[:, 0].clone()", "self.qvel[:, 0] / (self.progress - 1)"),  # divided by 0 after the first step
             "`angular_velocity` of the task `pendulum` is not finite in some states of random play",
         ),
         (
@@ -200,7 +200,7 @@ def test_a_model_is_asked_for_nothing_without_a_description(broken):
     file, _ = broken('"to swing the pendulum up and keep it upright"', '" "')
     with pytest.raises(TaskError, match="`description` of the task `pendulum` is empty"):
         context(file)
-    try_out(file)  # what nobody reads may be missing
+    try_out(file)  # only a model's prompt needs the description
 
 
 def test_physics_that_breaks_down_in_most_steps_is_told_before_a_model_is_paid(broken):

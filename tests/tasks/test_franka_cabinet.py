@@ -18,7 +18,7 @@ def env() -> BatchedEnv:
 
 
 def place(env: BatchedEnv, *, arm=DEFAULT_POSE, cabinet=(0.0, 0.0, 0.0, 0.0), speed: float = 0.0) -> dict:
-    """State of all worlds in this pose, every joint moving at `speed`, the drives' targets there."""
+    """State of all worlds in this pose, with every joint moving at `speed` and the drives' targets at the pose."""
     env.task.qpos[:] = torch.tensor((*arm, *cabinet))
     env.task.qvel[:] = speed
     env.task.franka_dof_targets[:] = torch.tensor(arm)
@@ -92,14 +92,14 @@ def test_hand_and_handle_are_where_the_specification_puts_them(env: BatchedEnv):
 
 
 def test_the_hand_frame_by_hand(env: BatchedEnv):
-    # Stretched upwards with the hand pointing down: 0.088 m before the base axis at 1; height 0.333 + 0.316 + 0.384 -
-    # 0.1654; the last link's y is the world's.
+    # The arm is stretched upwards with the hand pointing down, 0.088 m in front of the base axis, which is at x = 1.
+    # Its height is 0.333 + 0.316 + 0.384 - 0.1654. The last link's y axis is the world's.
     state = place(env, arm=(0.0,) * 9)
     assert state["franka_grasp_pos"][0].tolist() == pytest.approx([0.912, 0.04, 0.8676], abs=1e-4)
     assert float(state["gripper_forward_proj"][0]) == pytest.approx(0.0, abs=1e-6)
 
-    # Wrist bent by 90 degrees: the hand points at the cabinet from 0.088 m above the elbow; the last joint's -45 deg
-    # and the hand's own -45 put the left finger on top, and 0.04 m along the last link's y go left and up alike.
+    # With the wrist bent by 90 degrees the hand points at the cabinet, 0.088 m above the elbow. The last joint's -45
+    # degrees and the hand's own -45 put the left finger on top. 0.04 m along the last link's y go half left, half up.
     state = place(env, arm=(0, 0, 0, 0, 0, math.pi / 2, -math.pi / 4, 0.03, 0.01))
     half = 0.04 * math.sqrt(0.5)
     assert state["franka_grasp_pos"][0].tolist() == pytest.approx([1 - 0.1654, half, 1.033 + 0.088 + half], abs=1e-4)
@@ -245,7 +245,7 @@ def test_an_episode_succeeds_when_the_drawer_is_open(env: BatchedEnv):
 
 
 def test_fitness_is_the_share_of_episodes_that_open_the_drawer(env: BatchedEnv):
-    # World 0 opens it in step 2 of each episode, world 1 never does, world 2 in step 2 of one that began elsewhere.
+    # World 0 opens it in step 2 of each episode, world 1 never, world 2 in step 2 of episodes that are not whole.
     value = weight = torch.zeros(3)
     for step in range(1, 500):
         first = step % 2
@@ -254,9 +254,9 @@ def test_fitness_is_the_share_of_episodes_that_open_the_drawer(env: BatchedEnv):
         score = env.task.fitness(state, torch.tensor([first == 0, step == 499, False]))
         value, weight = value + score.value * score.weight, weight + score.weight
         if step == 2:
-            # Not 1, although all that have finished succeeded: 499 / (499 + 2 + 2)
+            # Not 1, although every finished episode succeeded: 499 / (499 + 2 + 2)
             assert float(value.sum() / weight.sum()) == pytest.approx(499 / 503)
-    # 249 episodes and one step of 499; one of 499; 499 steps that belong to no whole episode
+    # World 0: 249 episodes and a step. World 1: one episode of 499 steps. World 2: no whole episode in 499 steps.
     assert value.tolist() == pytest.approx([249 * 499, 0.0, 0.0])
     assert weight.tolist() == [249 * 499 + 1, 499.0, 499.0]
 

@@ -154,7 +154,7 @@ def test_random_rotations_turn_about_y_and_then_about_x(monkeypatch: pytest.Monk
     task = task_of(make(AllegroHand))
     monkeypatch.setattr(WorldNoise, "uniform", lambda *_: torch.tensor([[0.5, 0.5], [1.0, 0.0]]))
     quarter_each, half_about_x = task.random_rotation(torch.arange(2))
-    # A quarter about y takes x to -z and z to x; a quarter about x then takes -z to y and leaves x.
+    # A quarter turn about y takes x to -z and z to x. Then one about x takes -z to y and leaves x.
     x, z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
     torch.testing.assert_close(rotate(quarter_each, x), torch.tensor([0.0, 1.0, 0.0]), atol=1e-6, rtol=0)
     torch.testing.assert_close(rotate(quarter_each, z), x, atol=1e-6, rtol=0)
@@ -195,7 +195,7 @@ def test_a_reached_goal_is_paid_and_replaced_and_the_episode_goes_on(hand: type[
     after = step.state["goal_rot"]
     assert not torch.equal(after[0], before[0]) and torch.equal(after[1], before[1])
     torch.testing.assert_close(step.state["rotation_distance"], rotation_distance(step.state["object_rot"], after))
-    assert step.score.value.tolist() == [1.0, 0.0], "it counts once"
+    assert step.score.value.tolist() == [1.0, 0.0], "a goal counts once"
     model, data = env.sim.snapshot(0)
     x, y, z, w = after[0].tolist()
     assert data.body("goal").xquat == pytest.approx([w, x, y, z], abs=1e-6), "videos show the goal"

@@ -1,4 +1,4 @@
-"""Every task's human reward is a program that passes what a generated one must pass, and it is what trains."""
+"""Every task's human reward is a program that passes the checks of generated ones, and it is this that trains."""
 
 from pathlib import Path
 
@@ -59,8 +59,8 @@ def test_a_variant_of_a_task_has_the_human_reward_that_goes_with_it() -> None:
     state = make(spin, worlds=1, threads=1).current_state() | {"rotation_distance": torch.tensor([0.15, 0.18])}
     state |= {name: state[name].expand(2, -1) for name in ("object_pos", "goal_pos", "actions")}
     waypoints, tumble = (make(env, worlds=2, threads=1).task for env in (spin, f"{spin}+random_goals=true"))
-    assert (waypoints.human_reward(state) > 200).tolist() == [True, False]  # 0.156 rad count as reached
-    assert (tumble.human_reward(state) > 200).tolist() == [True, True]  # 0.2 rad do
+    assert (waypoints.human_reward(state) > 200).tolist() == [True, False]  # reached within 0.156 rad
+    assert (tumble.human_reward(state) > 200).tolist() == [True, True]  # reached within 0.2 rad
 
 
 def with_human(path: Path, text: str) -> str:

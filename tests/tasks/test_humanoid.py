@@ -1,4 +1,4 @@
-"""Humanoid: its body, its joint forces, its observation and its scores; what it shares with Ant is tested there."""
+"""Humanoid: its body, joint forces, observation and scores. test_ant.py tests what it shares with Ant."""
 
 import math
 
@@ -28,7 +28,7 @@ def make(worlds: int = 2) -> BatchedEnv:
 
 
 def state_of(**values: float | list[float]) -> dict[str, Tensor]:
-    """What the rewards read, one world standing still at the origin unless said otherwise."""
+    """What the rewards read: one world that stands still at the origin, except for `values`."""
     rest = {
         "potentials": 0.0,
         "prev_potentials": 0.0,

@@ -45,6 +45,6 @@ def test_a_staggered_start_spreads_time_outs_and_does_not_count_the_cut_episodes
     for _ in range(length - 1):
         step = env.step(torch.zeros(64, 12))
         ended, done = ended + step.ended, done + step.done
-        assert torch.equal(step.score.weight, torch.ones(64))  # F over steps counts them: the state is a true one
+        assert torch.equal(step.score.weight, torch.ones(64))  # F over steps counts cut episodes: their states are real
     # Every world that did not start at 0 had one cut episode, and nothing else may be left out.
     assert torch.equal(done - ended, ((start > 0) & (done > 0)).long())

@@ -102,7 +102,7 @@ def test_a_trainer_finds_the_file_and_its_authors_packages_and_nothing_that_lies
     file = tmp_path / "geared.py"
     file.write_text(f"import gears\n{FILE.read_text()}".replace("from __future__ import annotations\n", ""))
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setenv("PYTHONPATH", f"{os.pathsep}{tmp_path / 'lib'}")  # with an empty entry, as many shells leave it
+    monkeypatch.setenv("PYTHONPATH", f"{os.pathsep}{tmp_path / 'lib'}")  # the empty entry is what many shells leave
     monkeypatch.syspath_prepend(tmp_path / "lib")
     (result,) = (
         message
@@ -208,7 +208,7 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
 
 @pytest.mark.parametrize("value", ["self.goal", "self.goal.view(-1)"])
 def test_what_the_task_remembers_is_no_state_variable_as_it_is(tmp_path, value):
-    """The last step of an episode would be paid by the goal of the next one, which the reset wrote."""
+    """Without a copy, the last step of an episode would be rewarded for the next goal, which the reset writes."""
     file = tmp_path / "mine.py"
     text = FILE.read_text().replace("self.qvel[:, 0].clone()", value)
     text = text.replace("    recipe =", '    memory = ("goal",)\n    recipe =', 1)

@@ -63,7 +63,7 @@ def test_an_episode_starts_with_the_pen_along_the_forearm_and_free(task: type[Pe
     env = make(task, worlds=128)
     state = env.current_state()
     x, y, z = rotate(state["object_rot"], LONG_AXIS).unbind(-1)
-    tilt = torch.atan2(-z, -y)  # a quarter about x takes z to -y; more of it takes -y down to -z
+    tilt = torch.atan2(-z, -y)  # a quarter turn about x takes z to -y, and turning on takes -y to -z
     assert float(x.abs().max()) < 1e-6
     assert 0.2 < float(tilt.max()) <= 0.3 + 1e-6 and -0.3 - 1e-6 <= float(tilt.min()) < -0.2
     offset = state["object_pos"] - torch.tensor(task.object_start)

@@ -95,7 +95,7 @@ def test_thrust_pushes_along_the_axis_of_the_tilted_rotors(env: BatchedEnv):
     env.sim.forward(worlds)
     full = torch.cat((torch.zeros(8), torch.ones(4))).repeat(3, 1)
     state = env.step(full).state
-    # (4 * 2 N - 2.468 N) / 0.2515 kg = 22.0 m/s^2 over 0.01 s, less what the rotor arms give way
+    # (4 * 2 N - 2.468 N) / 0.2515 kg = 22.0 m/s^2 over 0.01 s, a little less as the rotor arms yield
     assert torch.allclose(state["root_linvels"], torch.tensor([0.0, 0.0, 0.220]).repeat(3, 1), atol=2e-3)
 
     env.reset()

@@ -56,7 +56,7 @@ def test_it_floats_where_it_is_put_and_the_last_finger_joints_follow(one: mujoco
     data.actuator("h_A_FFJ1").ctrl = 1.2
     mujoco.mj_step(one, data, 1000)
     assert data.joint("h_FFJ1").qpos[0] == pytest.approx(1.2, abs=0.05)
-    # 0.00705 q0 - 0.00805 q1 stays within 0.001, and a little more where it pulls.
+    # The tendon keeps 0.00705 q0 - 0.00805 q1 within 0.001, or a little more while it pulls.
     assert abs(0.00705 * data.joint("h_FFJ0").qpos[0] - 0.00805 * data.joint("h_FFJ1").qpos[0]) < 0.0012
     still = [joint for joint in ACTUATED if joint != "FFJ1"]
     assert max(abs(data.joint(f"h_{joint}").qpos[0]) for joint in still) < 1e-3, "no gravity on the hand"

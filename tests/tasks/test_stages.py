@@ -25,7 +25,7 @@ class Choosing(Cartpole):
 
 @pytest.fixture
 def written(tmp_path: Path):
-    """Finds the stages of a YAML text for cartpole, beside a file with three tasks."""
+    """A function that reads stages for cartpole from a YAML text. A file with three tasks is in the same folder."""
     (tmp_path / "other.py").write_text(OTHER)
 
     def written(text: str) -> tuple[Stage, ...]:
@@ -45,7 +45,7 @@ def test_two_lines_are_a_curriculum(written):
     first, last = written("- {set: {episode_length: 100}, steps: 2e4}\n- {}\n")
     assert (first, last) == (
         Stage(env="cartpole+episode_length=100", steps=20000),
-        Stage(env="cartpole", steps=600_000),  # of its recipe
+        Stage(env="cartpole", steps=600_000),  # the steps of its recipe
     )
     assert registry.get(first.env).episode_length == 100
 
@@ -60,7 +60,7 @@ def test_a_stage_may_name_a_file_as_env_does(written, tmp_path: Path):
     (tmp_path / "alone.py").write_text(OTHER.partition("\nclass Wider")[0])
     first, _ = written("- {env: alone.py}\n- {}\n")
     assert first.env == f"{tmp_path}/alone.py" and registry.get(first.env).episode_length == 1000
-    with pytest.raises(ConfigError, match=f"there is no file {tmp_path}/carts.py"):  # and not one called `python:...`
+    with pytest.raises(ConfigError, match=f"there is no file {tmp_path}/carts.py"):  # without `python:`
         written("- {env: 'python:carts.py:Carts'}\n- {}\n")
 
 
@@ -127,7 +127,7 @@ def test_what_is_no_number_text_or_switch_cannot_be_changed():
 
 
 class Told(registry.get("cartpole")):
-    """One whose human reward is text, as that of a draft."""
+    """A Cartpole whose human reward is text, as in a drafted task."""
 
     human = "def compute_reward(pole_angle):\n    return -pole_angle.abs(), {}\n"
 
