@@ -1,4 +1,4 @@
-"""Policies of discrete choices: the categorical head by hand, and lanes that learn what each would alone."""
+"""Policies with discrete choices: the categorical head by hand, and lanes that learn what they would learn alone."""
 
 import math
 
@@ -35,7 +35,7 @@ def test_probabilities_by_hand():
     entropy = -(0.25 * math.log(0.25) + 0.75 * math.log(0.75)) + 1.5 * math.log(2.0)
     assert float(head.entropy(output, NONE)) == pytest.approx(entropy)
     even = torch.zeros(1, 1, 5)
-    # KL(new || even) is what the entropies lack of log 2 and log 3.
+    # KL(new || uniform) is log 2 + log 3, the entropy of the uniform policy, minus the entropy.
     expected = math.log(2.0) + math.log(3.0) - entropy
     assert float(head.divergence(output, NONE, even, NONE)) == pytest.approx(expected, rel=1e-5)
     assert float(head.divergence(output, NONE, output, NONE)) == pytest.approx(0.0, abs=1e-6)
@@ -51,7 +51,7 @@ def test_samples_come_as_often_as_their_probabilities_say():
 
 
 def filled(ppo: PPO, lanes: int) -> tuple[Rollout, torch.Tensor]:
-    """Three observations of six worlds; what is paid is option 1 of the first choice."""
+    """Four steps of six worlds with three observations. The reward is 1 for option 1 of the first choice, else 0."""
     generator = torch.Generator().manual_seed(0)
     rollout = Rollout(lanes, 6, 4, 3, 5, CPU)
     for t in range(4):

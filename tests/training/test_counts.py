@@ -1,4 +1,4 @@
-"""Pay for rare progress: what a table of visits counts, and what becomes of it in a training."""
+"""The bonus for rare progress: what the table of visits counts, and what happens to the table in a training."""
 
 import dataclasses
 import math
@@ -17,7 +17,7 @@ EVERY = torch.ones(1, 4, dtype=torch.bool)
 
 
 def reward(*names: str, scale: float = -1.0) -> RewardGraph:
-    """scale * |pole angle|, and these components: |pole angle|, its hundredfold, NaN where the angle is negative."""
+    """scale * |pole angle|, with components |pole angle|, 100 |pole angle| and log(pole angle), NaN if negative."""
     nodes = (
         Node("input", ("pole_angle",)),
         Node("abs.default", ({"ref": 0},)),
@@ -39,15 +39,15 @@ def alike(one: TrainingResult, other: TrainingResult) -> bool:
 
 
 def values(*rows: list[float]) -> torch.Tensor:
-    """(1, 3, 4), with zeros for what is missing."""
+    """Progress values (1, 3, 4): lane, component, world. Missing rows are zeros."""
     return torch.tensor([[*rows, *[[0.0] * 4] * (3 - len(rows))]])
 
 
 def test_a_bin_pays_the_inverse_root_of_its_visits():
     counts = ProgressCounts(1, torch.device("cpu"))
-    # Three worlds share the bin from 0.1 to 0.2, one is done: 1 / sqrt(3), and 1.
+    # Three worlds share the bin from 0.1 to 0.2, one has progress 1: 1 / sqrt(3), and 1.
     assert counts(values([0.11, 0.15, 0.19, 1.0]), EVERY)[0].tolist() == pytest.approx([3**-0.5] * 3 + [1.0])
-    # Then all are there: 3 + 4 visits.
+    # Then all four worlds are in the bin from 0.1 to 0.2: 3 + 4 visits.
     assert counts(values([0.12] * 4), EVERY)[0].tolist() == pytest.approx([7**-0.5] * 4)
     assert counts.visits.sum() == 8 and counts.visits.max() == 7
 
@@ -55,7 +55,7 @@ def test_a_bin_pays_the_inverse_root_of_its_visits():
 def test_values_are_binned_together_and_clamped():
     counts = ProgressCounts(1, torch.device("cpu"))
     paid = counts(values([0.0, 0.0, 0.95, 7.0], [0.0, 0.95, -3.0, 0.0]), EVERY)
-    # (0, 0) and (0, 9) are apart, (9, 0) is twice there.
+    # The bins (0, 0) and (0, 9) have one visit each, (9, 0) has two.
     assert paid[0].tolist() == pytest.approx([1.0, 1.0, 2**-0.5, 2**-0.5])
 
 
@@ -75,10 +75,10 @@ def test_rare_progress_pays_in_the_spread_of_the_own_reward_and_shows_in_no_curv
     specs = [LaneSpec(id="plain", program=reward("angle")), LaneSpec(id="counted", program=reward("progress_fall"))]
     (paid, found), (own, without) = trained(specs), trained(specs, SMALL)
     assert torch.equal(paid.rollout.reward[0], own.rollout.reward[0])
-    assert float(paid.rollout.reward[1].max()) > 0.0 > float(own.rollout.reward[1].max()), "it costs unless it is new"
+    assert float(paid.rollout.reward[1].max()) > 0.0 > float(own.rollout.reward[1].max()), "positive by the bonus"
     for name in ("reward", "component/progress_fall"):
         curve, plain = found["counted"].curves[name], without["counted"].curves[name]
-        assert curve[0] == plain[0], "before the first update both are of the same policy"
+        assert curve[0] == plain[0], "before the first update both have the same policy"
         assert curve[3] != plain[3]
 
 
@@ -129,6 +129,6 @@ def test_a_lane_takes_its_visits_along_when_others_are_cut():
     assert found["b"].curves["reward"] == pytest.approx(results["b"].curves["reward"], rel=1e-3)
     visits, same = alone.rewards.counts.visits, whole.rewards.counts.visits
     assert visits.sum() == same[1].sum() == SMALL.env_steps
-    assert (visits[0] - same[1]).abs().sum() < 0.01 * SMALL.env_steps, "but for what rounding moves across an edge"
+    assert (visits[0] - same[1]).abs().sum() < 0.01 * SMALL.env_steps, "only rounding may move a visit to the next bin"
     fresh = trained([dataclasses.replace(specs[1], start=results["b"].last)], dataclasses.replace(PAID, env_steps=1))
-    assert fresh[0].rewards.counts.visits.sum() == 16 * 32, "who begins from a policy has visited nothing"
+    assert fresh[0].rewards.counts.visits.sum() == 16 * 32, "a lane that begins from a policy has no earlier visits"

@@ -1,4 +1,4 @@
-"""Lanes go from stage to stage with their policy; what a stage left is kept."""
+"""Lanes take their policy from stage to stage, and the results of each stage are kept."""
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,7 +38,7 @@ SPECS = [LaneSpec(id="human-s0", program="human"), LaneSpec(id="sparse-s0", prog
 
 @dataclass
 class StagedTrainer(ToyTrainer):
-    """A ToyTrainer that notes what it is asked; lanes end in the states it is given, by task and spec."""
+    """A ToyTrainer that records its requests. Lanes end in the state that `states` gives for their task and spec."""
 
     asked: list[tuple[str, int, dict[str, bytes | None]]] = field(default_factory=list)
     states: dict[tuple[str, str], TrainingState] = field(default_factory=dict)
@@ -71,13 +71,13 @@ def results(events) -> dict[str, TrainingResult]:
 def test_all_lanes_go_on_from_their_own_last_policy(tmp_path: Path):
     trainer = StagedTrainer()
     found = results(go(trainer, tmp_path))
-    # ToyTrainer: the human reward is worth 10, the sparse one 5, and a policy is its worth.
+    # ToyTrainer: the human reward has an F of 10, the sparse one of 5, and a policy is its F as text.
     assert trainer.asked == [
         ("easy", 300, {"human-s0": None, "sparse-s0": None}),
         ("hard", 100, {"human-s0": b"10.0", "sparse-s0": b"5.0"}),
     ]
     assert found["human-s0"].fitness == 10.0
-    assert (found["human-s0"].env_steps, found["human-s0"].steps_before) == (6, 3), "three a stage"
+    assert (found["human-s0"].env_steps, found["human-s0"].steps_before) == (6, 3), "three steps in each stage"
     # The first stage took four seconds.
     assert (found["human-s0"].seconds, found["human-s0"].clock) == (8.0, (5.0, 6.0, 7.0))
 
@@ -93,7 +93,7 @@ def test_progress_counts_through_all_stages_and_only_the_last_tells_f(tmp_path: 
     events = [event for event in go(trainer, tmp_path) if isinstance(event, TrainingProgress)]
     # ToyTrainer is in epoch 1 of 2. Stage 1 has 3/4 of the steps: 2 of 2.67 epochs; stage 2 the last quarter of 8.
     assert [(event.epoch, event.epochs) for event in events] == [(1, 3), (7, 8)]
-    # F of an earlier stage is that of another task, also where curves are drawn while it trains.
+    # F of an earlier stage belongs to another task, so neither `fitness` nor `latest` shows it.
     assert [event.fitness["human-s0"] for event in events] == [None, 7.0]
     assert [event.latest["human-s0"] for event in events] == [{"reward": 2.0}, {"reward": 2.0, "fitness": 7.0}]
 
@@ -128,7 +128,7 @@ def test_a_finished_stage_is_not_repeated_and_one_that_failed_is(tmp_path: Path)
 
 
 class Stopped(StagedTrainer):
-    """Notes its end; has all results of a task by the time it is stopped there, as workers whose training has ended."""
+    """Records its end. Yields a stage's results even when stopped, as workers do whose training has ended."""
 
     def train(
         self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
@@ -150,7 +150,7 @@ def test_results_that_had_come_when_a_stage_was_stopped_are_kept(tmp_path: Path,
     events = CurriculumTrainer(trainer, STAGES, files).train("hard", SPECS, TrainBudget())
     assert isinstance(events, Generator)
     for _ in range(stage):
-        next(events)  # the progress of each stage; results of the first are not told
+        next(events)  # the progress of each stage; results of the first stage are not yielded
     late: list[TrainingProgress | TrainingResult] = []
     with pytest.raises(KeyboardInterrupt):
         late.append(events.throw(KeyboardInterrupt()))
@@ -174,14 +174,14 @@ def test_who_trains_a_stage_that_cannot_be_kept_is_closed_at_once(tmp_path: Path
 
 
 class Forgetful:
-    """Keeps no stage: the suite trains other specs by the same names."""
+    """Keeps no stage, because the suite trains different specs under the same names."""
 
     def read(self, stage: int, spec: str) -> None: ...
     def save(self, stage: int, result: TrainingResult) -> None: ...
 
 
 class Here:
-    """Trains in this process; that stages train in others is seen below."""
+    """Trains in this process. `test_pen_spinning_runs_from_end_to_end` trains stages in other processes."""
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         return Population(env, lanes, budget, threads=1).train()
@@ -217,7 +217,7 @@ def test_a_warm_start_is_the_policy_with_its_statistics():
     warm, cold = (Policy.of("cartpole", after.ppo, lane, after.interface) for lane in (0, 1))
     assert warm.to_bytes() == policy
     assert not torch.equal(cold.tensors["w0"], warm.tensors["w0"])
-    # One sample to begin with, and two epochs of 16 steps of 32 worlds.
+    # The statistics begin with one sample; two epochs of 16 steps of 32 worlds follow.
     counts = [policy.tensors[f"{name}_count"].item() for policy in (warm, cold) for name in ("observation", "value")]
     assert counts == [1025.0, 1025.0, 1.0, 1.0]
 
@@ -247,7 +247,7 @@ def test_a_start_mixed_with_fresh_weights_keeps_what_it_knows_of_returns():
     began = Policy.from_bytes(policy).tensors
     for name in ("w0", "b0", "log_std"):
         torch.testing.assert_close(mixed[name], 0.75 * began[name] + 0.25 * cold[name])
-    assert began["log_std"].abs().max() > 0 and cold["log_std"].abs().max() == 0  # towards a deviation of 1
+    assert began["log_std"].abs().max() > 0 and cold["log_std"].abs().max() == 0  # towards a standard deviation of 1
     for name in ("head_w", "head_b"):
         torch.testing.assert_close(mixed[name][..., -1], began[name][..., -1])
         torch.testing.assert_close(mixed[name][..., :-1], 0.75 * began[name][..., :-1] + 0.25 * cold[name][..., :-1])
@@ -279,6 +279,6 @@ def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
         assert Policy.from_bytes(result.best_reward.policy).env == "shadow_hand_spin"
         before = Policy.from_bytes((tmp_path / "lanes" / spec / "stage1.safetensors").read_bytes())
         assert before.env == "shadow_hand_spin+random_goals=true"
-        # The last stage is one epoch, so its peak is the policy that acted in it: where the first stage ended.
+        # The last stage is one epoch, so its peak is the policy that acted in it: the one that ended the first stage.
         after = Policy.from_bytes(result.best_reward.policy)
         torch.testing.assert_close(dict(after.tensors), dict(before.tensors))

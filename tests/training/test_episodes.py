@@ -1,4 +1,4 @@
-"""Recorded episodes are thinned evenly, and programs are paid for in them as they would have been."""
+"""Recorded episodes are thinned evenly, and show what other programs would have paid in them."""
 
 import pytest
 import torch
@@ -37,7 +37,7 @@ SPEC = StateSpec(
 
 
 def recorded(steps: int, lengths: list[int], lanes: int = 1) -> list[Episodes]:
-    """Episodes of so many steps, in which the state is the number of the step; the first lane is not recorded."""
+    """Episodes of these lengths, whose state is the number of the step. The first lane is not recorded."""
     worlds = len(lengths)
     recorder = Recorder(SPEC, range(1, lanes + 1), worlds)
     long = torch.tensor(lengths).repeat(lanes + 1)
@@ -70,12 +70,12 @@ def test_a_constant_that_is_turned_in_memory_is_written_as_it_reads():
 
 def test_of_a_long_one_steps_are_evenly_apart():
     (one,) = recorded(100, [30, 100])
-    # 16 at most: apart by 1 up to step 15, by 2 up to 31, by 4 up to 63, by 8 from there.
+    # At most 16 are kept: every step up to 15, every 2nd up to 31, every 4th up to 63, every 8th after that.
     assert states(one, 1) == list(range(0, 100, 8)) and states(one, 0) == [0, 8, 16, 24]
 
 
 def test_bytes_are_bounded(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(episodes, "MAX_BYTES", 40)  # two worlds of 4 bytes: five steps, less one to be even
+    monkeypatch.setattr(episodes, "MAX_BYTES", 40)  # two worlds of 4 bytes: five steps, made even: four
     (one,) = recorded(100, [100, 100])
     assert states(one, 0) == [0, 32, 64, 96]
 
@@ -100,11 +100,11 @@ ANGLE = RewardGraph(
 )
 FAILS = RewardGraph(
     nodes=(Node("input", ("pole_angle",)), Node("log.default", ({"ref": 0},))), reward=1, components=()
-)  # of a negative angle
+)  # the log of a negative angle is NaN
 
 
 def learnt() -> bytes:
-    """A policy of Cartpole that has hardly begun."""
+    """A policy of Cartpole that is hardly trained."""
     trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8, worlds=8))
     (policy,) = (event.last for event in trained.train() if isinstance(event, TrainingResult))
     assert policy is not None
@@ -126,7 +126,7 @@ def test_a_world_is_simulated_until_its_episode_ends(monkeypatch: pytest.MonkeyP
 
 
 def test_a_score_that_is_not_defined_counts_nowhere_without_weight(monkeypatch: pytest.MonkeyPatch):
-    """F of a Cartpole that is defined where an episode ended: elsewhere 0 / 0."""
+    """A Cartpole whose F is defined only where an episode ended. Elsewhere it is NaN, like 0 / 0."""
     policy = learnt()
     (known,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, threads=1)
     original = Cartpole.fitness

@@ -1,4 +1,4 @@
-"""A lane that goes wrong is stopped with the reason, and the others train on, the same to the bit."""
+"""A lane that goes wrong is stopped, with the reason. The others train on as without it, to the bit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingR
 HORIZON = 16
 BUDGET = TrainBudget(env_steps=3 * HORIZON * 16, worlds=16)  # three epochs
 SPEED = (Node("input", ("dof_vel",)), Node("select.int", ({"ref": 0}, 1, 0)))
-"""Speed of the first joint: of the cart, and of a leg of an ant that walks on the floor."""
+"""Speed of the first joint: of Cartpole's cart, or of a leg of Ant, which has contacts."""
 
 
 def program(*nodes: Node) -> RewardGraph:
@@ -124,7 +124,7 @@ def test_a_world_whose_physics_breaks_down_pays_nothing_and_no_bonus(
 
 
 def test_rewards_are_judged_before_they_are_scaled() -> None:
-    """Cartpole's are scaled by 0.1: 5e6 a step is absurd although half a million trains."""
+    """Cartpole scales rewards by 0.1: 5e6 a step is above the limit of 1e6, although the scaled reward is below it."""
     constant = (Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 5e6)))
     _, bad = trained("cartpole", program(*constant))
     assert bad.state is TrainingState.DIVERGED

@@ -1,4 +1,4 @@
-"""Policies that see what a robot measures, under a critic that sees all."""
+"""Policies that see only what a robot can measure, with a critic that sees everything."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_training_leaves_the_weights_of_what_is_unseen_at_zero() -> None:
     policy = Policy.from_bytes(results[0].last or b"")
     assert policy.unseen == UNSEEN
     assert policy.interface["control_rate"] == "50.0" and policy.interface["action_scale"].startswith("0.5,0.5,")
-    # A lane that goes on from it has its critic too.
+    # A lane that starts from this policy has its critic too.
     started = PPO([5], 48, 12, Anymal.recipe, torch.device("cpu"), unseen=UNSEEN)
     policy.put(started, 0)
     torch.testing.assert_close(started.network.parameters["critic_head_w"][0], policy.tensors["critic_head_w"])

@@ -68,7 +68,7 @@ def test_what_ppo_did_is_a_curve_with_a_number_for_every_update():
     found = results([LaneSpec(id="human", program="human"), LaneSpec(id="bad", program=upright(1e30))])
     curves = found["human"].curves
     assert all(value is not None for name in STATISTICS for value in curves[f"ppo/{name}"])
-    # Two normal actions would have more: cartpole has one, of standard deviation 1 at first.
+    # Cartpole has one normal action, at first of standard deviation 1: 0.5 + 0.5 log(2 pi) = 1.4189.
     assert curves["ppo/entropy"][0] == pytest.approx(1.4189, abs=0.01)
     assert {curves[f"ppo/{name}"] for name in STATISTICS if name.endswith("loss")}.isdisjoint({(0.0,) * 4})
     # A lane that was stopped in its first epoch had no update.
@@ -99,7 +99,7 @@ def test_progress_counts_the_steps_of_all_lanes(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(population, "time", SimpleNamespace(monotonic=lambda: float(next(now))))
     specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
     first = next(Population("cartpole", specs, SMALL, threads=1).train())
-    # An epoch takes two looks at the clock: 16 steps of 32 worlds of 2 lanes in 2 s.
+    # The clock is read twice an epoch, a second apart: 16 steps of 32 worlds of 2 lanes in 2 s.
     assert isinstance(first, TrainingProgress) and first.env_steps_per_second == 512.0
 
 
@@ -115,7 +115,7 @@ def test_the_first_quarter_of_the_longest_episode_counts_as_early(monkeypatch: p
     whole = Curves.add
     monkeypatch.setattr(Curves, "add", add)
     results([LaneSpec(id="a", program=upright())])
-    # Episodes begin anywhere: a quarter of 500 steps is 125.
+    # Episodes begin at any step. A quarter of 500 steps is 125.
     assert 100 < max(early) <= 125 < min(late) < 150
 
 
@@ -136,7 +136,7 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
         trained[switch] = Population("cartpole", specs, dataclasses.replace(SMALL, bonus=switch), threads=1)
         list(trained[switch].train())
     without, with_bonus = (trained[switch].rollout.reward for switch in ("none", "original"))
-    # 250 on top of less than nothing, scaled by 0.1
+    # a bonus of 250 and a negative reward, scaled by 0.1
     assert float(without[0].max()) < 0.0 and float(with_bonus[0].max()) == pytest.approx(25.0, abs=0.01)
     torch.testing.assert_close(with_bonus[1], without[1], atol=1e-3, rtol=1e-3)
     # Before the first update both trained the same policy, and its reward is recorded without the bonus.
@@ -180,8 +180,8 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
 def test_the_human_reward_balances_the_pole_within_a_hundred_thousand_steps():
     specs = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(3)]
     found = results(specs, TrainBudget(env_steps=100_000, worlds=64))
-    # Two of these balance it for all of the 500 steps after half of the training, so rounding has room. Untrained, it
-    # falls within 50 steps.
+    # Two of the three balance the pole for all 500 steps after half of the training, which leaves room for rounding.
+    # Untrained, the pole falls within 50 steps.
     assert sorted(result.fitness or 0.0 for result in found.values())[1] > 400
 
 
@@ -282,9 +282,9 @@ def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike, mon
     usual, quiet, noisy = (evaluate(env, policies, seed=3, episodes=3, noise=noise)[0] for noise in (None, False, True))
     assert usual == (noisy if alike else quiet) and usual.noisy == alike
     (single,) = evaluate(env, policies, seed=3, episodes=1)
-    assert not single.noisy, "one episode is alike with itself"
+    assert not single.noisy, "a single episode needs no noise"
     monkeypatch.setattr(simulation.task, "draws_itself", True, raising=False)
-    assert not begin_alike(simulation, 2), "equal starts may go on differently there"
+    assert not begin_alike(simulation, 2), "equal starts may go on differently where a task draws"
 
 
 def test_correlation_is_pearsons():
@@ -297,7 +297,7 @@ def test_correlation_is_pearsons():
 
 
 def step_of(score: Score, ended: bool) -> Step:
-    """A step of two worlds that says nothing but its score."""
+    """A step of two worlds in which only the score matters."""
     zero, none = torch.zeros(2), torch.zeros(2, dtype=torch.bool)
     whole = torch.full((2,), ended)
     return Step(zero, zero, {}, none, whole, score, whole, torch.full((2,), 7), none)
@@ -337,7 +337,7 @@ def test_components_are_told_apart_early_and_late_in_episodes():
     assert again.early_and_late(0)["component_late/a"] == (6.0,)
 
     class OnGPU:
-        """What a state that is loaded onto a device holds there."""
+        """Stands for a tensor that was loaded onto a GPU."""
 
         def cpu(self):
             return curves.lane_state(0)["parts"]
@@ -348,12 +348,11 @@ def test_components_are_told_apart_early_and_late_in_episodes():
 
 
 def test_the_last_tenth_of_a_training_says_what_components_were_early_in_episodes():
-    """|pole angle| of a cart that nobody steers: near upright at first, then fallen."""
     budget = TrainBudget(env_steps=32 * 16 * 20, worlds=32)
     spec = LaneSpec(id="a", program=upright())
     curves = results([spec], budget)["a"].curves
     assert [len(curves[f"component_{part}/angle"]) for part in ("early", "late")] == [1, 1]
-    # Episodes last about 30 of 500 steps, so all is early, as in the last two of the 20 epochs.
+    # Episodes last about 30 of 500 steps, so every step is early. The last tenth of 20 epochs is two epochs.
     assert curves["component_early/angle"][0] == pytest.approx(sum(curves["component/angle"][-2:]) / 2, rel=1e-4)
     assert curves["component_late/angle"] == (None,)
 
@@ -379,7 +378,7 @@ def ended(*wins: bool, terminated: bool) -> Step:
 
 
 def test_fitness_waits_where_only_the_quick_episodes_can_have_ended():
-    """Two successes end, then two failures that took their time: 2 of 4 succeed, and no epoch says that all do."""
+    """Two quick episodes succeed, then two long ones fail: F is 2 of 4. Without a wait, F would first be 1."""
     zero, settled = torch.zeros(1, 2), {}
     for epochs in (0, 2):
         curves = Curves(lanes=1, worlds=2, window=2, settled=epochs)
@@ -401,7 +400,7 @@ def test_fitness_waits_neither_for_episodes_that_last_nor_where_it_tells_of_ever
 
 
 def test_fitness_of_steps_waits_until_an_episode_has_passed():
-    """At the start each world is worth 10, and 1 from the next step on."""
+    """Each world scores 10 in its first step and 1 in the later ones."""
     zero, found = torch.zeros(1, 2), {}
     for full in (0, 2):
         curves = Curves(lanes=1, worlds=2, window=2, full=full, settled=4)
@@ -414,7 +413,7 @@ def test_fitness_of_steps_waits_until_an_episode_has_passed():
 
 
 def test_a_policy_that_learns_nothing_is_no_peak_because_all_worlds_begin_with_a_reset():
-    """A quadcopter starts near its target; 500 steps of an episode are 16 epochs of 32."""
+    """A quadcopter starts near its target, where F is high. An episode of 500 steps takes 16 epochs of 32 steps."""
 
     def train(epochs: int, until: float = 1.0, start: TrainingResult | None = None) -> TrainingResult:
         budget = TrainBudget(env_steps=16 * 32 * epochs, worlds=16, until=until)
@@ -426,10 +425,10 @@ def test_a_policy_that_learns_nothing_is_no_peak_because_all_worlds_begin_with_a
     fitness = whole.curves["fitness"]
     assert fitness[:15] == (None,) * 15 and None not in fitness[15:]
     assert whole.best_fitness is not None and whole.best_fitness.epoch >= 15 and whole.fitness == max(fitness[15:])
-    half = train(20, until=0.5)  # the pause is no end
+    half = train(20, until=0.5)  # a pause is not the end of the training
     assert half.fitness is None and half.curves["fitness"] == (None,) * 10
     assert dataclasses.replace(train(20, start=half), seconds=0.0) == dataclasses.replace(whole, seconds=0.0)
-    short = train(3).curves["fitness"]  # too short: the end counts, and no epoch before
+    short = train(3).curves["fitness"]  # too short to wait: only the last epoch has an F
     assert short[:2] == (None, None) and short[2] is not None
 
 
@@ -460,7 +459,7 @@ class Lucky(Cartpole):
 
 
 def test_a_policy_that_seldom_succeeds_is_no_peak_because_its_successes_come_first(tmp_path: Path):
-    """One episode in eight succeeds, at once, whatever the policy does; the others take 64 steps, four epochs."""
+    """One episode in eight succeeds, at once, whatever the policy does. The others take 64 steps: four epochs."""
     (tmp_path / "lucky.py").write_text(LUCKY)
 
     def train(epochs: int, until: float = 1.0) -> TrainingResult:
@@ -472,7 +471,7 @@ def test_a_policy_that_seldom_succeeds_is_no_peak_because_its_successes_come_fir
     found = train(12)
     assert found.curves["fitness"][:7] == (None,) * 7 and found.best_fitness is not None
     assert found.best_fitness.epoch >= 7 and found.fitness == pytest.approx(1 / 8, abs=0.05)
-    short = train(3).curves["fitness"]  # too short: the end counts, and no epoch before
+    short = train(3).curves["fitness"]  # too short to wait: only the last epoch has an F
     assert short[:2] == (None, None) and short[2] is not None
     assert train(12, until=0.25).fitness is None
 
@@ -495,7 +494,7 @@ def test_lanes_that_paused_go_on_as_if_nothing_had_happened():
     last = results([dataclasses.replace(spec, paused=second[spec.id].paused) for spec in specs])
     whole = results(specs)
     for lane, result in last.items():
-        # Parts count the last tenth of what ran last: here, as in a whole training, the last epoch.
+        # `component_early` and `_late` are of the last tenth of the last part: the last epoch, as without pauses.
         assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(whole[lane], seconds=0.0)
 
 
@@ -518,7 +517,7 @@ def test_lanes_that_paused_on_another_kind_of_device_begin_anew():
     specs = [LaneSpec(id="human", program="human"), LaneSpec(id="own", program=upright(), seed=1)]
     states = {lane: pausing.load(x.paused or b"", torch.device("cpu")) for lane, x in paused(specs, until=2).items()}
     states["own"]["device"] = "cuda"
-    states["own"]["ppo"]["generators"] = [torch.zeros(16, dtype=torch.uint8)]  # as long as that of a GPU is
+    states["own"]["ppo"]["generators"] = [torch.zeros(16, dtype=torch.uint8)]  # of the length of a GPU's
     again = [dataclasses.replace(spec, paused=pausing.save(states[spec.id])) for spec in specs]
     whole = results(specs)
     for lane, result in results(again).items():

@@ -171,7 +171,7 @@ def test_log_probabilities_are_those_of_the_gaussian():
 def test_statistics_of_an_update_by_hand():
     ppo = PPO([5, 9], 3, 2, dataclasses.replace(RECIPE, epochs=1, minibatches=1, max_grad_norm=None), CPU)
     ppo.active[1] = False
-    assert ppo.statistics.isnan().all(), "nothing is known before the first"
+    assert ppo.statistics.isnan().all(), "there are no statistics before the first update"
     rollout, last = filled(2)
     step = ppo.act(rollout.observation[:, :, 0])
     for t in range(4):
@@ -180,13 +180,13 @@ def test_statistics_of_an_update_by_hand():
     value = ppo.network(ppo.observations.normalize(rollout.observation.flatten(1, 2))).value[0].detach()
     ppo.update(rollout, last)
     told = dict(zip(STATISTICS, ppo.statistics[0].tolist(), strict=True))
-    # The policy is still the one that acted: every ratio is 1, so the loss is minus the mean of normalised advantages,
-    # 0; it has not diverged, so that the rate grows by half.
+    # The policy is still the one that acted. Every ratio is 1, so the loss is minus the mean of normalised advantages,
+    # which is 0. The KL divergence is 0, so the learning rate grows by half.
     assert told["surrogate_loss"] == pytest.approx(0.0, abs=1e-5) and told["kl"] == pytest.approx(0.0, abs=1e-5)
     assert told["learning_rate"] == pytest.approx(1.5 * rate)
-    # 2 actions of 0.5 + 0.5 log(2 pi) + log std each; Adam's first step moves each log std by the rate at most.
+    # Two actions have 0.5 + 0.5 log(2 pi) + log std each. Adam's first step moves log std by the rate at most.
     assert told["entropy"] == pytest.approx(1.0 + math.log(2 * math.pi), abs=2.01 * told["learning_rate"])
-    # The value loss is the larger of two squares, clipped and not; targets are normalised after they were counted.
+    # The value loss is the larger of the clipped and the unclipped square. The statistics include the targets.
     returns = advantages(rollout, last, ppo.recipe.gamma, ppo.recipe.gae_lambda) + rollout.value
     target, old = (ppo.values.normalize(x.reshape(2, -1, 1))[0, :, 0] for x in (returns, rollout.value))
     near = old + (value - old).clamp(-ppo.recipe.clip, ppo.recipe.clip)

@@ -1,4 +1,4 @@
-"""Worlds of training that differ: what is drawn, what a policy meets, and that nothing depends on who trains beside."""
+"""Training worlds that differ: what is drawn, what a policy experiences, and that lanes do not affect each other."""
 
 import dataclasses
 from pathlib import Path
@@ -108,7 +108,7 @@ def test_an_action_is_acted_on_after_the_delay(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_delay_of_half_a_step_too_many_finds_its_action():
-    # ANYmal acts every 0.02 s: 0.09 s are 4.5 steps, a little more in single precision: 5. Double precision has 4.
+    # ANYmal acts every 0.02 s, so 0.09 s are 4.5 steps: rounded to 5 in single precision, to 4 in double precision.
     env = made("anymal", ranges({"delay": (0.09, 0.09)}), worlds=1)
     assert env._asked.shape[1] == 1 + 5
     env.reset()
@@ -124,7 +124,7 @@ def test_noise_is_the_policys_alone_and_as_large_as_drawn():
 
 
 def test_a_push_changes_the_speed_of_the_whole_robot_by_what_was_drawn():
-    # In free fall nothing else acts sideways: ANYmal starts in the air, with its feet 8 cm above the ground.
+    # ANYmal starts in the air, with its feet 8 cm above the ground. In free fall nothing else acts sideways.
     env = made("anymal", ranges({"push": (0.5, 0.5), "push_every": (0.1, 0.1)}), worlds=40)
     env.reset()
     mass = torch.from_numpy(env.sim.model.body_mass).float()
@@ -137,7 +137,7 @@ def test_a_push_changes_the_speed_of_the_whole_robot_by_what_was_drawn():
         speeds.append(torch.stack([_momentum(one.sim.model, d) for d in data]) / float(mass.sum()))
     gained = (speeds[0] - speeds[1]).norm(dim=-1)
     pushed = gained > 0.01
-    # A push each 0.1 s comes in one of five steps of 0.02 s.
+    # A push every 0.1 s is a push in one of five steps of 0.02 s.
     assert 2 <= int(pushed.sum()) <= 16
     assert gained[pushed].tolist() == pytest.approx([0.5] * int(pushed.sum()), abs=0.02)
     assert float(env.sim.bind("xfrc_applied").abs().max()) == 0.0
@@ -150,7 +150,7 @@ def _momentum(model, data) -> torch.Tensor:
 
 @pytest.mark.parametrize("until", [1.0, 0.5])
 def test_a_training_goes_on_in_the_worlds_it_left(monkeypatch: pytest.MonkeyPatch, until: float):
-    """From a snapshot of all, and from the state of each paused lane."""
+    """Resumed from a snapshot of all lanes (`until` = 1), or from the state of each paused lane."""
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
     budget = dataclasses.replace(SMALL, randomise=HARD)
     whole = trained(budget, "a", "b")
@@ -171,9 +171,9 @@ def test_a_training_goes_on_in_the_worlds_it_left(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_lane_goes_on_alone_where_those_beside_it_acted_later(monkeypatch: pytest.MonkeyPatch):
-    """The others have their results, or end their worker: the state of all of them is what it goes on from."""
+    """A lane may resume alone because the others are finished or crash. Its snapshot still holds all of them."""
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
-    near = ranges({"mass": (0.5, 2.0), "delay": (0.0, 0.02)})  # two actions remembered, and seven for the other
+    near = ranges({"mass": (0.5, 2.0), "delay": (0.0, 0.02)})  # remembers two actions; the other lane, seven
     late = ranges({"delay": (0.0, 0.1), "noise": (0.0, 0.1)})
     specs = [
         LaneSpec(id="late", program="human", randomise=late),
@@ -244,7 +244,7 @@ def test_a_name_takes_what_the_task_has():
 def test_what_a_hand_holds_is_not_pushed():
     found = find("shadow_hand", "wide")
     assert found is not None and "push" not in found.drawn
-    assert not made("shadow_hand", ranges({"push": (0.5, 0.5)}), worlds=1)._pushed  # ranges of an older version
+    assert not made("shadow_hand", ranges({"push": (0.5, 0.5)}), worlds=1)._pushed  # from an older version
 
 
 def test_what_flies_by_propellers_alone_is_pushed():

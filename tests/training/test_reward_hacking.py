@@ -1,5 +1,5 @@
-"""A reward that pays for speed alone shows the flag on Cartpole, whose F is how long the pole stays up; an honest one
-shows none."""
+"""On Cartpole, whose F is how long the pole stays up, a reward for speed alone shows a sign of hacking. The human
+reward shows none."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, compon
 
 @pytest.fixture(scope="module")
 def signs() -> dict[str, tuple[Sign, ...]]:
-    """What is found of each reward, trained and tried as a run does it, but less: a lane each, 32 held-out episodes."""
+    """The signs of each reward, trained and tried out as in a run, but with one lane and 32 held-out episodes each."""
     programs: dict[str, RewardProgram] = {"speed": SPEED, "human": "human"}
     specs = [LaneSpec(id=name, program=program, seed=1) for name, program in programs.items()]
     population = Population("cartpole", specs, TrainBudget(env_steps=16 * 32 * 40, worlds=32), threads=1)
@@ -99,7 +99,7 @@ def test_more_worlds_than_there_is_room_for_are_played_in_turn(monkeypatch: pyte
 
 
 def test_episodes_that_break_the_physics_are_counted_apart(tmp_path: Path):
-    """Poles that start to the left spin too fast to be simulated; of the other episodes each lasts its 7 steps."""
+    """Poles that start to the left spin too fast to be simulated. Each of the other episodes lasts its 7 steps."""
     (tmp_path / "loose.py").write_text("""
 from openeureka.suite.isaac.cartpole import Cartpole
 
@@ -133,14 +133,14 @@ def test_the_error_of_a_score_is_that_of_a_ratio_of_two_sums():
 def test_concentration_is_the_share_of_the_highest_twentieth():
     # Of 40 contributions the highest twentieth is two: 10 + 10 of 20 + 38 * 1.
     assert concentration(torch.tensor([10.0] * 2 + [1.0] * 38)) == pytest.approx(20 / 58)
-    # Those that are not positive make nothing of F: of 20 positive ones the highest is one, 5 of 5 + 19.
+    # Contributions that are not positive do not count: of 20 positive ones the highest twentieth is one, 5 of 5 + 19.
     assert concentration(torch.tensor([5.0] + [1.0] * 19 + [0.0, -7.0] * 50)) == pytest.approx(5 / 24)
 
 
 def test_rare_successes_of_equal_worth_are_not_concentrated():
     for successes in (1, 7, 20, 33):
         assert concentration(torch.tensor([1.0] * successes + [0.0] * 980)) == pytest.approx(1 / 20)
-    assert concentration(torch.tensor([1.0, 0.5])) == pytest.approx(0.1 / 1.5)  # a tenth of the higher one
+    assert concentration(torch.tensor([1.0, 0.5])) == pytest.approx(0.1 / 1.5)  # a tenth of the higher of two
 
 
 def test_a_score_that_is_never_positive_has_no_concentration():
