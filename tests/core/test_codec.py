@@ -1,4 +1,4 @@
-"""Nouns as JSON and back: strict when written, and one error for whatever is no such noun."""
+"""Nouns as JSON and back: what is written is strict JSON, and anything that is not such a noun is one error."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def test_a_place_at_home_is_found_whatever_the_shell(monkeypatch, tmp_path):
     assert parse(RunConfig, ["dir=~/runs/a"]).dir == f"{tmp_path}/runs/a"
     assert parse(RunConfig, ["init=~/mine.py"]).init == f"{tmp_path.resolve()}/mine.py"
     assert parse(TrainConfig, ["reward=human,~/mine.py"]).reward == f"human,{tmp_path}/mine.py"
-    assert parse(RunConfig, ["init=~nobody.py"]).init.endswith("/~nobody.py")  # a file of that name, and no user
+    assert parse(RunConfig, ["init=~nobody.py"]).init.endswith("/~nobody.py")  # a file of that name, not a user's home
 
 
 @pytest.mark.parametrize(

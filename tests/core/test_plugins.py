@@ -49,7 +49,7 @@ samples = 3
 
 @pytest.fixture(autouse=True)
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An installed package with a search `tournament`, and one that calls itself `best`."""
+    """An installed package with a search `tournament`, another that calls itself `best`, and a model `oracle`."""
     (tmp_path / "bracket.py").write_text(MODULE)
     (tmp_path / "broken.py").write_text("x = 1\nimport nowhere_to_be_found\n")
     about = tmp_path / "bracket-1.0.dist-info"

@@ -1,4 +1,4 @@
-"""Text from elsewhere, made safe for whoever is to see or keep it."""
+"""Text from elsewhere, made safe to show and to keep."""
 
 import sqlite3
 
@@ -14,7 +14,7 @@ from openeureka.text import MAX_TEXT, one_line, plain, printable, safe_text, vis
         ("\x1b]0;window title\x07after", "after"),
         ("\x1b]8;;http://x\x1b\\link", "link"),
         ("a\x9b31mb", "a31mb"),  # the one-byte form of ESC [
-        ("low\x1b\nterm", "low\nterm"),  # no sequence goes over a line's end
+        ("low\x1b\nterm", "low\nterm"),  # no sequence continues past the end of a line
         ("abc\rdef\x08\x00", "abcdef"),
         ("user\u202egpj.exe", "usergpj.exe"),
         ("zero\u200bwidth", "zerowidth"),

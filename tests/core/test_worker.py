@@ -32,8 +32,8 @@ SOURCE = str(Path(openeureka.__file__).parents[1])
 
 @pytest.fixture
 def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory holds files named as the modules of the standard library and some that are installed are;
-    each leaves a mark when it is imported."""
+    """Fills the working directory with files named like modules: all of the standard library, some installed ones.
+    Each leaves a mark when it is imported."""
     folder = tmp_path / "crowded"
     folder.mkdir()
     for name in {*sys.stdlib_module_names, "torch", "numpy", "pip", "openeureka", "sitecustomize", "usercustomize"}:
@@ -68,7 +68,7 @@ def test_pip_and_the_runs_of_the_page_do_not_either(crowded: Path):
 
 
 def test_a_child_finds_what_its_parent_finds_after_the_standard_library(tmp_path: Path, monkeypatch):
-    """As of a script or a notebook, beside which a task lies, or of PYTHONPATH, which the sandbox's server lacks."""
+    """A task may lie beside a script or a notebook, or on PYTHONPATH, which the sandbox's server does not inherit."""
     (tmp_path / "beside_the_script.py").write_text("raise SystemExit(7)\n")
     (tmp_path / "colorsys.py").write_text("raise SystemExit(8)\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -98,12 +98,12 @@ def test_a_machine_without_room_for_a_process_is_one_sentence(place, error, sent
         Worker("echo_worker")
     with pytest.raises(WorkerError, match=sentence):
         Stranger(sys.executable, Path(HERE) / "echo_worker.py", shared=0)
-    with pytest.raises(NoRenderer, match="No video. " + sentence):  # a search then leaves its report without it
+    with pytest.raises(NoRenderer, match="No video. " + sentence):  # a search then writes its report without it
         render("cartpole", "zero")
 
 
 def test_one_place_says_how_python_is_started():
-    """So that no child is forgotten: whoever names the executable has to take `interpreter`."""
+    """Other modules have to start Python with `interpreter`, so that no child imports from the working directory."""
     named = [
         path.name for path in Path(openeureka.__file__).parent.rglob("*.py") if "sys.executable" in path.read_text()
     ]
@@ -111,7 +111,7 @@ def test_one_place_says_how_python_is_started():
 
 
 def test_what_lies_beside_the_package_does_not_hide_the_standard_library(tmp_path: Path):
-    """A wheel is installed among others, some of which are named as modules of the standard library were."""
+    """Other packages are installed beside the wheel. Some have the name of a present or former standard module."""
     (tmp_path / "openeureka").symlink_to(Path(SOURCE) / "openeureka")
     (tmp_path / "colorsys.py").write_text("raise SystemExit('imported')\n")
     script = (
@@ -173,7 +173,8 @@ def test_silence_is_a_timeout_and_close_kills(worker: Worker):
 
 
 def test_sigterm_is_the_parents_to_handle_and_ends_what_a_child_starts(worker: Worker):
-    """A shutdown, `systemctl stop` and `scancel` send it to all: the parent still asks for a last snapshot."""
+    """A shutdown, `systemctl stop` and `scancel` send SIGTERM to all processes. A worker has to survive it, because its
+    parent still asks for a last snapshot."""
     worker.send({"do": "echo"})
     worker.receive(timeout=20)
     os.kill(worker.process.pid, signal.SIGTERM)
@@ -185,12 +186,12 @@ def test_a_frame_that_is_there_can_be_waited_for_without_reading_it(worker: Work
     assert not worker.ready(0.0)
     for text in "ab":
         worker.send({"do": "echo", "text": text})
-    for text in "ab":  # both may have come in one piece
+    for text in "ab":  # both may have arrived in one read
         assert worker.ready(20.0)
         assert worker.receive(20.0).header["text"] == text
     assert not worker.ready(0.0)
     worker.send({"do": "die"})
-    assert worker.ready(20.0), "an end is something to read, or nobody would notice it"
+    assert worker.ready(20.0), "the end of the stream counts as readable, or nobody would notice it"
     with pytest.raises(WorkerDied):
         worker.receive(20.0)
 
@@ -237,7 +238,7 @@ def test_a_child_that_somebody_else_reaps_ends_without_a_word(worker: Worker):
 
 
 def test_who_reads_from_a_closed_worker_reads_from_no_other_pipe(worker: Worker):
-    """As where one thread closes it while another is about to read: the number of its pipe may be another's by then."""
+    """One thread may close a worker while another is about to read. Its file descriptor may then be another pipe's."""
     number = worker.fileno()
     worker.close()
     pipes = [os.pipe() for _ in range(4)]
@@ -260,7 +261,7 @@ def test_what_a_child_prints_is_not_kept_without_end(worker: Worker):
     worker.send({"do": "die"})
     with pytest.raises(WorkerDied):
         worker.receive(timeout=20)
-    assert worker.stderr_tail() == "last words"  # at the beginning of the file, without a hole before them
+    assert worker.stderr_tail() == "last words"  # at the start of the file, with no hole before them
 
 
 def test_a_process_with_more_descriptors_than_select_takes_starts_workers_too():
