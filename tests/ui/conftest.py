@@ -1,4 +1,4 @@
-"""A headless Chromium of the system, and a page that is served to it."""
+"""The system's Chromium, headless, and the page that is served to it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from openeureka.ui import follow, guard, server
 from .serving import TOKEN
 
 PATIENCE = 90_000
-"""[ms] for what a page is to show: only what hangs fails. Beside three other tests, an import of torch alone can take
-longer than a person would wait."""
+"""How long a test waits for the page [ms]. Only a page that hangs is to fail: beside three other tests, importing torch
+alone can take longer than a person would wait."""
 
 
 def broken_rules(page: Page) -> list[object]:
-    """Rules of accessibility that what a page shows now breaks, each with its elements (see axe.md)."""
+    """Accessibility rules that the page breaks as it is shown now, each with the elements (see axe.md)."""
     page.evaluate(gzip.decompress((Path(__file__).parent / "axe.min.js.gz").read_bytes()).decode())
     return page.evaluate("axe.run().then(({violations}) => violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
 
@@ -49,7 +49,7 @@ def chromium() -> Iterator[Browser]:
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if path is None:
         pytest.skip("no Chromium is installed (Debian, Ubuntu: apt-get install chromium)")
-    options = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium confines itself only as an ordinary user
+    options = ["--no-sandbox"] if os.geteuid() == 0 else []  # only an ordinary user's Chromium can confine itself
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=options)
         yield browser
@@ -58,7 +58,7 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def served(root: Path, port: int = 0) -> Iterator[int]:
-    """The port at which the runs below a folder are served from a thread."""
+    """Serves the runs below a folder from a thread, and yields the port."""
     with server.listen("127.0.0.1", port) as listener:
         serving = server.server(root, TOKEN, guard.LOOPBACK)
         thread = threading.Thread(target=serving.run, kwargs={"sockets": [listener]})
@@ -70,7 +70,7 @@ def served(root: Path, port: int = 0) -> Iterator[int]:
 
 @pytest.fixture
 def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Where the runs below `tmp_path` are served, followed without long pauses."""
+    """The address where the runs below `tmp_path` are served. Pages get news without long pauses."""
     monkeypatch.setattr(follow, "PAUSE", 0.1)
     monkeypatch.setattr(follow, "SHARE", 1.0)
     with served(tmp_path) as port:
@@ -79,8 +79,8 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 @pytest.fixture
 def page(chromium: Browser, address: str) -> Iterator[Page]:
-    """A page that was let in. A script that fails, an error that the browser reports, a dialog that opens and a request
-    to anywhere else fail the test."""
+    """A page that has logged in. The test fails if a script fails, the browser reports an error, a dialog opens, or
+    anything is requested from elsewhere."""
     with chromium.new_context(base_url=address) as context:
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
@@ -113,5 +113,5 @@ def one_search(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def searched(one_search: Path, tmp_path: Path) -> Path:
-    """A finished search of two generations, one of its rewards refused."""
+    """A finished search of two generations, in which one reward was refused."""
     return shutil.copytree(one_search, tmp_path / "run")

@@ -1,4 +1,4 @@
-"""Somebody who was given the address of a page, and asks for its parts without a browser."""
+"""Clients that ask for the page without a browser."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Value = TypeVar("Value")
 
 
 def stranger(root: Path) -> TestClient:
-    """Calls the page by an address of this machine, and knows no token."""
+    """A client that reaches the page on this machine, but has no token."""
     return TestClient(app.build(root, TOKEN, guard.LOOPBACK), base_url="http://127.0.0.1:8080", follow_redirects=False)
 
 
 def visitor(root: Path) -> TestClient:
-    """Has opened the address with the token, and asks from the page itself."""
+    """A client that has the token, and sends its requests as the page itself does."""
     client = stranger(root)
     client.auth = (guard.USER, TOKEN)
     client.headers |= {"Origin": "http://127.0.0.1:8080", "Referer": "http://127.0.0.1:8080/"}
@@ -30,6 +30,6 @@ def visitor(root: Path) -> TestClient:
 
 
 def awaited(work: Coroutine[Any, Any, Value]) -> Value:
-    """What a coroutine returns, in a thread of its own: Playwright has a loop in this one."""
+    """The result of a coroutine. It runs in another thread, because Playwright has an event loop in this one."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(asyncio.run, work).result()

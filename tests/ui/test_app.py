@@ -1,4 +1,4 @@
-"""The pages without a browser: what they hold, and that nothing hostile in it is more than text."""
+"""The pages without a browser: what they show, and that hostile content in them is only text."""
 
 import asyncio
 import contextlib
@@ -56,7 +56,7 @@ def test_the_list_names_each_run_with_state_task_model_and_score(tmp_path):
         "1.01",
         "not decided",
         "0.0200",
-    ):  # two replies of a cent
+    ):  # 0.0200: two replies of a cent each
         assert re.search(rf">{cell}</(td|a|span)>", page.source), cell
 
 
@@ -73,7 +73,7 @@ def test_a_finished_run_says_what_f_is_what_to_type_and_shows_its_reward(tmp_pat
     page = shown(visitor(tmp_path), "/runs/run/")
     assert "higher is better." in page.flat and f"eureka play {directory}" in page.flat
     assert page.flat.index("Best reward") < page.flat.index("def compute_reward") < page.flat.index("Candidates")
-    (directory / "best" / "policy.safetensors").unlink()  # as in a row of a table that was repeated
+    (directory / "best" / "policy.safetensors").unlink()  # as where only the rest of the run was kept
     assert "eureka play" not in shown(visitor(tmp_path), "/runs/run/").flat
 
 
@@ -82,11 +82,11 @@ def test_a_comparison_begins_with_what_was_found(tmp_path):
         search_in(tmp_path / name, [reply(7), reply(8)])
     page = shown(visitor(tmp_path), "/compare?run=one&run=two").source
     assert page.index('id="compared"') < page.index('class="chart"') < page.index("Settings that differ")
-    assert page.count('<td class="why"><span>') == 2, "the style sheet cuts what is in the cell"
+    assert page.count('<td class="why"><span>') == 2, "the style sheet shortens what is in the span"
 
 
 def test_a_name_that_is_no_text_is_listed_as_far_as_it_is_one(tmp_path):
-    search_in(tmp_path / os.fsdecode(b"\xe9t\xe9"), [reply(1), reply(2)])  # "été" of an old disk
+    search_in(tmp_path / os.fsdecode(b"\xe9t\xe9"), [reply(1), reply(2)])  # "été" in Latin-1, as on an old disk
     client = visitor(tmp_path)
     link = next(link for link in shown(client, "/").links() if link.startswith("/runs/"))
     assert "g0s1 trained F 1" in shown(client, link).flat
@@ -151,7 +151,7 @@ def test_a_finished_run_shows_its_reward_what_f_is_and_what_to_type_next(tmp_pat
     assert "F is the task's own score; higher is better." in page.text
     assert page.text.index("Best reward") < page.text.index("return 8") and "so far" not in page.text
     assert command_line("play", str(directory)) in page.text
-    with Store.open(directory, read_config(directory)):  # it is at work
+    with Store.open(directory, read_config(directory)):  # the run is at work
         assert "eureka play" not in shown(visitor(tmp_path), "/runs/run/").text
 
 
@@ -185,7 +185,7 @@ def test_candidates_stand_side_by_side_with_code_diff_replies_and_prompt(tmp_pat
 
 
 def test_a_page_that_is_open_is_sent_what_is_new(tmp_path):
-    """A stream that is told to end after a look says what is new since the marks of the one before."""
+    """A page sends the marks of what it shows, and gets what has changed since."""
 
     class Watched(ScriptedModel):
         """Looks at the page between the two replies."""
@@ -205,7 +205,7 @@ def test_a_page_that_is_open_is_sent_what_is_new(tmp_path):
 
 
 def next_news(root, known):
-    """The first event that a page with these marks is sent."""
+    """The first event that is sent to a page with these marks."""
 
     async def first():
         async for event in await opened(root, known):
@@ -215,7 +215,7 @@ def next_news(root, known):
 
 
 async def opened(root, known):
-    """The events that a page with these marks is sent."""
+    """The events that are sent to a page with these marks."""
     scope = {"type": "http", "method": "GET", "path": "/runs/run/", "query_string": f"shown={','.join(known)}".encode()}
     scope |= {"headers": [(b"accept", b"text/event-stream")], "path_params": {"name": "run"}}
 
@@ -237,7 +237,7 @@ def test_a_page_that_is_open_says_that_its_run_was_deleted(tmp_path, monkeypatch
         shutil.rmtree(tmp_path / "run")
         return json.loads((await anext(events)).removeprefix("data: "))
 
-    for news in (awaited(listen()), next_news(tmp_path, [])):  # also when it asks again
+    for news in (awaited(listen()), next_news(tmp_path, [])):  # also when it connects again
         (said,) = news["changed"].values()
         assert "This run no longer exists." in said
 
@@ -294,7 +294,7 @@ def test_runs_of_other_steps_are_on_other_boards(tmp_path):
     for name, steps in (("one", 2000), ("two", 2000), ("three", 1000)):
         search_in(tmp_path / name, [reply(7), reply(8)], steps=steps)
     boards = visitor(tmp_path).get("/").text.split("Leaderboards")[1].split('class="panel board"')[1:]
-    assert [("2,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 2)], "one has no rival"
+    assert [("2,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 2)], "it needs two runs"
 
 
 def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
@@ -304,9 +304,9 @@ def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
         given.train(Lanes(config, store, ToyTrainer(), nobody))
     for path in ("/", "/compare?run=train"):
         cells = re.findall(r"<td[^>]*>([^<]*)</td>", visitor(tmp_path).get(path).text)
-        # The human reward is worth 10 and a hundredth of the seed, one less when played: 9 and 9.01.
+        # ToyTrainer's F of the human reward is 10 + seed / 100, and one less when played: 9 and 9.01, on average 9.005.
         assert "9.005" in cells, path
-        assert ("9.01" in cells) == path.startswith("/compare"), "the best F has no place beside final scores"
+        assert ("9.01" in cells) == path.startswith("/compare"), "the list shows no best F"
 
 
 def test_runs_are_compared_whatever_they_are_called_and_those_too_many_are_counted(tmp_path, monkeypatch):
@@ -317,7 +317,7 @@ def test_runs_are_compared_whatever_they_are_called_and_those_too_many_are_count
     page = shown(client, "/compare?" + urlencode([("run", box) for box in boxes]))
     assert set(page.links()) >= {"/runs/a%E2%80%8Cb/", "/runs/ab/", "/runs/50%2525/"} and "not shown" not in page.text
     monkeypatch.setattr(app, "VIEWS", 1)
-    page = shown(client, dict(page.attributes)["data-address"])  # which is followed
+    page = shown(client, dict(page.attributes)["data-address"])  # the address that the page follows
     assert "2 more are not shown" in page.text and sum("/runs/" in link for link in page.links()) == 1
 
 
@@ -443,7 +443,7 @@ def test_a_replay_repeats_what_was_said_and_listens_to_nobody(tmp_path):
 
 def test_a_run_that_began_again_in_the_same_folder_shows_its_own_curves(tmp_path):
     class Steadier(ToyTrainer):
-        """As good at its best as the other one, and before that better."""
+        """As good as ToyTrainer at its best, and better before that."""
 
         def result(self, lane):
             whole = super().result(lane)

@@ -78,7 +78,7 @@ def test_a_phone_shows_where_one_is_and_the_look_in_one_line(page: Page, searche
 def test_the_notice_of_a_lost_server_is_wholly_seen_by_who_reads_far_below(page: Page, searched: Path, width: int):
     page.set_viewport_size({"width": width, "height": 900})
     page.goto("/runs/run/")
-    # In one go: as soon as the page is followed, the notice is hidden again.
+    # In a single call, because the first news for the page hides the notice again.
     below, top, padding = page.evaluate("""() => {
         lost.hidden = false;
         scrollTo(0, 1000);
@@ -124,7 +124,7 @@ def test_a_line_that_is_pointed_at_stands_out_and_beyond_four_lines_have_dashes(
 
 SAID = """window.said = []; const own = CanvasRenderingContext2D.prototype.fillText;
 CanvasRenderingContext2D.prototype.fillText = function (...told) { said.push(told[0]); own.call(this, ...told); };"""
-"""Keeps what is written on any canvas."""
+"""Records the text that is drawn on any canvas."""
 
 
 def test_candidates_are_counted_in_whole_numbers(page: Page, tmp_path: Path):
@@ -151,7 +151,7 @@ def test_paper_keeps_headings_and_the_keys_of_charts(page: Page, searched: Path)
     expect(page.get_by_role("heading", name="Candidates", exact=True)).to_be_visible()
     expect(page.get_by_label("Find")).to_be_hidden()
     adjusted = page.locator(".legend i").evaluate_all("all => all.map(one => getComputedStyle(one).printColorAdjust)")
-    assert set(adjusted) == {"exact"}  # else a browser leaves backgrounds out
+    assert set(adjusted) == {"exact"}  # otherwise browsers print no backgrounds
 
 
 def test_a_phone_scrolls_code_as_it_was_written_and_breaks_long_titles_of_columns(page: Page, searched: Path):
@@ -199,7 +199,7 @@ def test_a_finger_reads_the_chart_first_and_only_a_point_leads_on(chromium: Brow
         expect(chart.locator("canvas")).to_be_visible()
         box = chart.locator(".u-over").bounding_box()
         assert box is not None
-        # Places from -0.6 to 3.6: the first of four stands at 0.6 / 4.2 of the width, F 6 of the axis from 0 to 7.5.
+        # The x axis goes from -0.6 to 3.6: the first of four points is at 0.6 / 4.2 of the width. F goes from 0 to 7.5.
         x = box["x"] + 0.6 / 4.2 * box["width"]
         page.touchscreen.tap(x, box["y"] + box["height"] - 4)  # nothing is there
         page.touchscreen.tap(x, box["y"] + box["height"] - 4)
@@ -224,7 +224,7 @@ def test_a_phone_does_not_enlarge_the_page_when_a_field_is_touched(chromium: Bro
         page.goto(f"{address.replace('//', f'//{guard.USER}:{TOKEN}@')}/open")
         for place in ("/", "/runs/run/"):
             page.goto(place)
-            assert min(page.evaluate(sizes)) >= 16, place  # below that iOS does
+            assert min(page.evaluate(sizes)) >= 16, place  # for smaller text iOS enlarges the page
 
 
 def test_only_the_newest_and_the_best_generation_are_unfolded_and_a_person_folds_them(page: Page, tmp_path: Path):

@@ -1,4 +1,4 @@
-"""The page in headless Chromium, while a scripted run goes on in a thread beside it."""
+"""The page in headless Chromium, while a scripted run goes on in another thread."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Paced(ScriptedModel):
 
 @contextmanager
 def running(directory: Path, script: Sequence[str], **settings: object) -> Iterator[Paced]:
-    """A search that listens to a person, in a thread that is over soon after the context is left."""
+    """A search that listens to a person, in a thread that ends soon after the context is left."""
     model = Paced(script)
     given = {"model": model, "iteration": 2, "feedback": "human", "feedback_timeout": 3 * PATIENCE / 1000}
     thread = threading.Thread(target=search_in, args=(directory, []), kwargs=given | settings)
@@ -63,7 +63,7 @@ def running(directory: Path, script: Sequence[str], **settings: object) -> Itera
 
 
 def enter(page: Page) -> None:
-    """From the list: the address of a run that has not begun is a 404."""
+    """Opens the run from the list, because its address is a 404 until the run has begun."""
     page.goto("/")
     page.get_by_role("link", name="run", exact=True).click()
 
@@ -124,7 +124,7 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
         expect(page.get_by_text("g0s0 is better than g0s1")).to_be_visible()
         expect(page.locator("section.candidate")).to_have_count(2)  # for the next vote
         veto = page.get_by_role("button", name="Veto")
-        expect(veto).to_have_count(0)  # no slip of a finger beside the votes
+        expect(veto).to_have_count(0)  # folded away, so that nobody vetoes by accident
         page.get_by_text("Reject g0s1 for good").click()
         veto.click()
         expect(page.get_by_text("veto: g0s1")).to_be_visible()
@@ -182,10 +182,10 @@ def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
         page.get_by_label("What should be different?").fill(ATTACK)
         expect(page.get_by_text("The run is waiting for your feedback.")).to_be_visible()
         page.get_by_role("button", name="Send", exact=True).click()
-        expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
+        expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # loaded with the page
         page.get_by_role("button", name="Send and continue").click()
         model.allowed.release(2)
-        expect(page.locator("#g1s1")).to_contain_text("trained F 1")  # came by following
+        expect(page.locator("#g1s1")).to_contain_text("trained F 1")  # sent to the open page
         page.locator("#candidates").get_by_role("link", name="g0s0").first.click()
         expect(page.get_by_text("Reward code")).to_be_visible()
         assert page.evaluate("window.hacked") is None
@@ -201,7 +201,7 @@ def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(chromium: Brow
             page.goto(f"http://127.0.0.1:{port}/runs/run/")
             expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_hidden()
         expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_visible()
-        expect(page.locator("#lost")).to_have_css("position", "sticky")  # also to who reads far below
+        expect(page.locator("#lost")).to_have_css("position", "sticky")  # seen also far down the page
         with served(tmp_path, port):
             expect(page.get_by_text("This page has lost its connection to eureka ui.")).to_be_hidden()
 
@@ -214,14 +214,14 @@ def test_a_page_whose_connection_falls_silent_says_so_and_connects_anew(
     page.clock.install()
     monkeypatch.setattr(follow, "BEAT", 0.1)
     page.goto("/runs/run/")
-    for _ in range(2):  # 40 s of beats
+    for _ in range(2):  # 40 s with heartbeats
         before = page.evaluate("timer")
         assert comes_true(page, f"timer !== {before}")
         page.clock.fast_forward(20_000)
         expect(lost).to_be_hidden()
     with monkeypatch.context() as patched:
         patched.setattr(follow, "BEAT", float("inf"))
-        page.wait_for_timeout(1000)  # for a beat that is under way
+        page.wait_for_timeout(1000)  # a heartbeat may be under way
         page.clock.fast_forward(30_000)
         expect(lost).to_be_visible()
     page.clock.fast_forward(2_000)
@@ -233,7 +233,7 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
     seen, release = threading.Event(), threading.Event()
 
     class Trains(ToyTrainer):
-        """Half-way until it is released; all but one lane have an F when that one's was seen."""
+        """Stays half-way until `release`. First only one lane has an F; the others get theirs after `seen`."""
 
         def train(self, env, lanes, budget):
             for epoch in range(1, 6):
@@ -269,7 +269,7 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
 
 
 def test_a_chart_tells_what_is_under_the_pointer_zooms_hides_and_leads_on(page: Page, searched: Path):
-    page.set_viewport_size({"width": 1280, "height": 1400})  # nothing scrolls
+    page.set_viewport_size({"width": 1280, "height": 1400})  # so tall that nothing scrolls
     page.goto("/runs/run/")
     chart = page.locator(".chart", has_text="F when played")
     plot = chart.locator(".u-over")
@@ -313,10 +313,10 @@ def test_curves_are_smoothed_and_the_pointer_still_tells_what_was_measured(page:
     assert chart.locator("canvas").evaluate(drawn) != before
     page.reload()
     expect(page.get_by_label("Smooth").first).to_have_value("0.9")
-    expect(page.locator(".smooth:visible")).to_have_count(1)  # of two charts side by side
+    expect(page.locator(".smooth:visible")).to_have_count(1)  # one for two charts side by side
     page.goto("/runs/run/")
     expect(page.locator(".chart canvas")).to_be_visible()
-    expect(page.get_by_label("Smooth")).to_have_count(0)  # no chart there goes by epochs
+    expect(page.get_by_label("Smooth")).to_have_count(0)  # that page has no chart over epochs
 
 
 def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, searched: Path):
@@ -379,7 +379,7 @@ def test_the_rows_that_are_shown_are_saved(page: Page, tmp_path: Path):
     assert runs.value.suggested_filename == "runs.csv"
     rows = list(csv.reader(runs.value.path().read_text().splitlines()))
     assert rows[0][:3] == ["run", "state", "F held out"]
-    assert sorted(row[0] for row in rows[1:]) == ["'=1+1", "run"]  # a spreadsheet would compute it
+    assert sorted(row[0] for row in rows[1:]) == ["'=1+1", "run"]  # quoted: a spreadsheet would compute =1+1
     page.locator("#runs").get_by_role("link", name="run", exact=True).click()
     page.locator(".tools").get_by_label("State").select_option("trained")
     with page.expect_download() as candidates:
@@ -415,7 +415,7 @@ def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
     page.get_by_role("button", name="F played").click()
     expect(page.locator("#candidates tbody tr:first-child td:first-child")).to_contain_text("g1s0")
     code = page.locator("#g0s0").get_by_text("Reward code")
-    expect(code).to_be_hidden()  # of the best alone all is shown
+    expect(code).to_be_hidden()  # only the best candidate is unfolded
     expect(page.locator("#g1s0").get_by_text("Reward code")).to_be_visible()
     page.locator("#candidates").get_by_role("link", name="g0s0").first.click()
     expect(code).to_be_visible()
@@ -425,14 +425,14 @@ def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
 
 
 def test_a_run_is_started_from_the_form(page: Page, monkeypatch: pytest.MonkeyPatch):
-    # A run needs seconds to import torch; what is tested is the form.
+    # Only the form is tested here. A real run would take seconds to import torch.
     monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import sys; print(*sys.argv[1:])"])
     page.get_by_text("Start a run").click()
     page.get_by_label("task").fill("quadcopter")
     page.get_by_label("model", exact=True).fill("random")  # the embedded model may not be installed
     page.get_by_label("rewards per generation").fill("0")
     page.get_by_role("button", name="Start").click()
-    assert page.url.endswith("/")  # the browser itself refuses none
+    assert page.url.endswith("/")  # the browser itself refuses 0
     page.get_by_label("rewards per generation").fill("3")
     page.get_by_role("button", name="Start").click()
     expect(page.locator("pre")).to_contain_text(

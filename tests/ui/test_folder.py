@@ -35,7 +35,7 @@ def test_runs_are_listed_latest_first_and_other_folders_are_not(tmp_path):
 
 
 def test_a_folder_that_may_not_be_entered_hides_no_run():
-    with tempfile.TemporaryDirectory() as name:  # that of pytest is closed to other users
+    with tempfile.TemporaryDirectory() as name:  # pytest's own is closed to other users
         Path(name).chmod(0o755)
         for folder_name in ("mine", "closed"):
             (Path(name) / folder_name).mkdir()
@@ -53,7 +53,7 @@ def test_a_folder_that_may_not_be_entered_hides_no_run():
 def test_a_link_to_nowhere_in_one_run_hides_no_other(tmp_path):
     own, odd = search_in(tmp_path / "own", [reply(1), reply(2)]), search_in(tmp_path / "odd", [reply(1), reply(2)])
     (odd / LOG).unlink(missing_ok=True)
-    (odd / LOG).symlink_to(LOG)  # in a circle
+    (odd / LOG).symlink_to(LOG)  # a link to itself
     assert folder.runs(tmp_path).keys() == {"own", "odd"}
     assert folder.fingerprint(own) and folder.fingerprint(odd)
 
@@ -78,7 +78,7 @@ def test_two_runs_never_share_a_name(tmp_path):
 
 def test_runs_of_a_bench_are_listed_by_its_name_and_theirs(tmp_path):
     own = search_in(tmp_path / "bench" / "cell", [reply(1), reply(2)])
-    search_in(own / "lanes" / "hidden", [reply(1), reply(2)])  # a run holds no others
+    search_in(own / "lanes" / "hidden", [reply(1), reply(2)])  # runs inside a run are not listed
     far = search_in(tmp_path / "a" / "b" / "c", [reply(1), reply(2)])
     search_in(tmp_path / "a" / "b" / "d" / "too_deep", [reply(1), reply(2)])
     (tmp_path / "round").symlink_to(tmp_path)
@@ -201,5 +201,5 @@ def test_the_fingerprint_changes_with_a_commit_a_film_and_a_log_and_not_by_looki
     (directory / LOG).write_text("more")
     assert differs()
     with Store.open(directory, replace(CONFIG, device="cuda")):
-        assert differs()  # a process has it
+        assert differs()  # a process is running it
     assert differs()

@@ -32,7 +32,7 @@ def test_a_page_that_shows_nothing_known_is_sent_everything():
 
 
 def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
-    # 0.6 s of work at 1 % of a core are 60 s.
+    # 0.6 s of work may take 1 % of a core, so the pause is 60 s.
     clock = iter([0.0, 0.6])
     monkeypatch.setattr("openeureka.ui.follow.time.thread_time", lambda: next(clock))
     first = version(a="1")

@@ -22,7 +22,7 @@ def test_nothing_is_served_without_the_token(tmp_path, path):
     assert answer.status_code == 401
     assert answer.headers["www-authenticate"].startswith(
         "Basic "
-    )  # a browser asks for it, where it was not in the address
+    )  # so a browser asks for a token that is not in the address
     assert "the address that `eureka ui` printed" in answer.text
 
 
@@ -51,7 +51,7 @@ def test_no_answer_leaves_a_cookie_which_every_port_of_this_machine_would_be_sen
 def test_the_token_leaves_the_address(tmp_path):
     answer = visitor(tmp_path).get("/open")
     assert answer.status_code == 303
-    assert answer.headers["location"] == "http://127.0.0.1:8080/"  # whole: a relative one would keep name and password
+    assert answer.headers["location"] == "http://127.0.0.1:8080/"  # absolute: a relative one would keep the password
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])  # another port of this machine is the same site
@@ -62,7 +62,7 @@ def test_what_another_site_embeds_is_not_served_and_where_it_leads_a_person_is(t
     for frame in ("iframe", "frame", "object", "embed"):
         assert client.get("/", headers={**navigated, "Sec-Fetch-Dest": frame}).status_code == 403
     assert client.get("/", headers={**navigated, "Sec-Fetch-Dest": "document"}).status_code == 200
-    assert client.get("/", headers=navigated).status_code == 200  # of a browser that does not say into what
+    assert client.get("/", headers=navigated).status_code == 200  # from a browser that does not send Sec-Fetch-Dest
     assert client.get("/", headers={"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Mode": "cors"}).status_code == 200
 
 

@@ -1,4 +1,4 @@
-"""One page in a process of its own, as a person starts it, and the run that it starts."""
+"""The page in its own process, as a person starts it, and the run that it starts."""
 
 import os
 import re
@@ -62,7 +62,7 @@ def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(t
 
 
 def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp_path, monkeypatch):
-    # A run needs seconds to import torch; what is tested is how it is started.
+    # Only the start is tested here. A real run would take seconds to import torch.
     monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import os, sys; print(os.getsid(0), sys.argv[1:])"])
     form = {
         "env": "ant",
@@ -179,7 +179,7 @@ def test_a_page_that_shows_thousands_of_candidates_is_followed(tmp_path):
         thread.start()
         with socket.create_connection(listener.getsockname(), timeout=60.0) as caller:
             caller.sendall(b"GET /?shown=" + b"0123456789ab," * 20_000 + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert caller.recv(100).startswith(b"HTTP/1.1 401 ")  # it was read: the token is missing
+            assert caller.recv(100).startswith(b"HTTP/1.1 401 ")  # it was read, and refused for the missing token
         serving.should_exit = True
         thread.join(60.0)
 

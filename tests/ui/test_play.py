@@ -1,4 +1,4 @@
-"""Policies that are played with: the world that is pushed about, who may, and all of it in a browser."""
+"""Playing with policies: pushing and changing the robot, who may do so, and all of it in a browser."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def of(env: str) -> bytes:
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A toy search that says it is about the cartpole, whose policies nobody trained."""
+    """A toy search that is recorded as one for cartpole. Its policies are untrained."""
     monkeypatch.setattr(filming, "policies", lambda store, lanes: dict.fromkeys(lanes, of("cartpole")))
     return search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole")
 
@@ -72,7 +72,7 @@ def test_only_who_has_the_token_plays_and_only_with_numbers_in_bounds(run: Path)
     assert stranger(run.parent).post(address, data={"do": "restart"}).status_code == 401
     client = visitor(run.parent)
     assert client.get("/runs/run/play/g7s7").status_code == 404
-    assert client.post(address, data={"do": "restart"}).status_code == 409  # nobody plays
+    assert client.post(address, data={"do": "restart"}).status_code == 409  # no policy is played
     assert client.post(address, data={"do": "restart"}, headers={"Origin": "http://evil"}).status_code == 403
     for form in ({"do": "run"}, {"do": "push", "speed": "1e9", "angle": "0"}, {"do": "scale", "mass": "nan"}):
         assert client.post(address, data=form).status_code == 400
@@ -87,7 +87,7 @@ NAVIGATED = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
         ({"Sec-Fetch-Site": "same-origin"}, 200),
         ({"Sec-Fetch-Site": "cross-site", **NAVIGATED}, 403),
         ({"Sec-Fetch-Site": "same-site", **NAVIGATED}, 403),
-        # Browsers send none of these to an address of the network.
+        # Browsers send no Sec-Fetch headers to an address of the network.
         ({"Referer": "http://127.0.0.1:8080/runs/run/candidates"}, 200),
         ({"Referer": "http://evil.example/http://127.0.0.1:8080/"}, 403),
         ({"Referer": "http://127.0.0.1:8081/"}, 403),
@@ -124,7 +124,7 @@ def test_where_no_policy_is_there_is_no_start(tmp_path: Path):
     address = "/runs/run/candidates?show=g0s0&show=g0s1"
     assert visitor(tmp_path).get(address).text.count("data-play") == 2
     lane = next(path for path in (directory / "lanes").iterdir() if path.name.startswith(place(directory, "g0s0")))
-    shutil.rmtree(lane)  # as where the store alone was copied
+    shutil.rmtree(lane)  # as in a copy of the store alone
     shown = visitor(tmp_path).get(address).text
     assert shown.count("data-play") == 1 and 'data-play="play/g0s1"' in shown
 
@@ -175,7 +175,7 @@ def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
     seen = Image.open(io.BytesIO(canvas.screenshot())).convert("RGB").resize((32, 18))
     assert len(set(seen.tobytes())) > 20
     for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no colour is between two
+        page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no colour is half-way between two
         assert not (broken := broken_rules(page)), (scheme, broken)
     page.set_viewport_size({"width": 400, "height": 900})
     assert comes_true(page, "document.documentElement.scrollWidth <= 400")  # charts follow a frame later
