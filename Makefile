@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
-# Repeated programs are not sampled anew here: that costs a minute. A crown that two seeds confirm takes no more of them.
+# refill=0: a slot that repeats a program is not sampled again, which saves a minute. seeds=5 is a limit: a winner
+# that two seeds confirm needs no more.
 RUN ?= env=ballbalance sample=4 iteration=2 steps=350000 seeds=5 refill=0
 
 .DEFAULT_GOAL := help
@@ -17,7 +18,8 @@ help: ## List these verbs
 run: $(VENV)/local ## Search for a reward with the embedded language model, no key and no GPU needed
 	$(BIN)/eureka run $(RUN)
 
-# In the order of their names: xdist's own puts modules of few tests last, which are the longest, and one core then waits.
+# In the order of their names. xdist's own order puts modules of few tests last. These take longest, so one core would
+# wait.
 test: $(VENV)/dev ## Run the tests
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 
@@ -47,7 +49,7 @@ $(BIN)/python:
 		{ echo "openeureka needs Python 3.11 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
-# The two files below mark a finished installation; they are older than pyproject.toml after it changes.
+# The two files below mark a finished installation. A newer pyproject.toml or constraints.txt makes it run again.
 $(VENV)/dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev,gpu,gym,ray,ui]'
 	@touch $@
