@@ -1,4 +1,4 @@
-"""The best policy of a Cartpole run in plain MuJoCo: no simulator of openeureka, and ONNX Runtime for the network.
+"""The best policy of a Cartpole run without openeureka's simulator: in plain MuJoCo, with ONNX Runtime.
 
 pip install onnxruntime
 python examples/play_onnx.py outputs/<time>_cartpole
@@ -12,7 +12,7 @@ import onnxruntime
 
 from openeureka.suite.isaac.cartpole import Cartpole
 
-model = Cartpole.compile_model()  # saved with mujoco.mj_saveModel, it needs neither openeureka nor PyTorch again
+model = Cartpole.compile_model()  # after mujoco.mj_saveModel you need neither openeureka nor PyTorch
 data = mujoco.MjData(model)
 data.qpos[1] = 0.1  # [rad]
 policy = onnxruntime.InferenceSession(f"{sys.argv[1]}/best/policy.onnx")
