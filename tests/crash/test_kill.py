@@ -1,6 +1,6 @@
 """A run that is killed with SIGKILL and started again ends as if nothing had happened.
 
-`benchmarks/crashes.py` takes every point, here it is every eleventh.
+`benchmarks/crashes.py` kills at every point; these tests at every eleventh.
 """
 
 import json

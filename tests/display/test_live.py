@@ -164,7 +164,7 @@ def test_training_is_not_expected_to_be_shorter_because_the_model_takes_its_time
     now[0] += 30.0
     assert tally.remaining() == 70.0
     tally.begin(Began("final"))
-    assert tally.remaining() is None  # how long the final trainings take, nobody says
+    assert tally.remaining() is None  # nothing tells how long the final trainings take
 
 
 def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():

@@ -44,7 +44,7 @@ def test_epochs_that_a_stopped_run_had_done_tell_no_pace(monkeypatch):
         now[0] = second
         part = dataclasses.replace(PROGRESS, epoch=epoch)
         told.append(line._sentence(joint.add(errands[which], part)).split(", ")[2].partition(";")[0])
-    # 11 s for the mean of both to grow by one; eight are left.
+    # The mean epoch of both trainings took 11 s to grow by one; eight epochs are left.
     assert told == ["starting", "starting", "starting", "1 min 28 s left"]
 
 
@@ -52,7 +52,7 @@ def test_the_stage_after_one_that_was_resumed_tells_its_own_pace(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     line, told = ProgressLine(Console(file=io.StringIO(), width=200)), list[str]()
-    # An epoch a second, of two stages of 100; the first went on at its 90th.
+    # Two stages of 100 epochs, one epoch per second. The first was resumed at epoch 90.
     for second, epoch, resumed in ((0.0, 90, 90), (10.0, 100, 90), (11.0, 101, 1), (13.0, 103, 1)):
         now[0] = second
         at = dataclasses.replace(PROGRESS, epoch=epoch, epochs=200, resumed=resumed)

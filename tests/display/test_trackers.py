@@ -1,4 +1,5 @@
-"""Mirrors in trackers: the strangers' libraries are fakes that keep what they are told, TensorBoard's reads its own."""
+"""Mirrors of runs in trackers. wandb and MLflow are fakes that record their calls; TensorBoard's own library reads the
+files that are written for it."""
 
 from __future__ import annotations
 
@@ -73,7 +74,7 @@ def test_wandb_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch:
     assert fake.summary["held-out F"] > 0
     with trackers.mirrored(tmp_path / "run", RunConfig(env="toy", log="wandb")) as (again,):
         again._tell("numbers", {"x": 1.0}, 0)
-    assert [values["id"] for kind, values in fake.calls if kind == "init"] == [None, "abc"]  # goes on there
+    assert [values["id"] for kind, values in fake.calls if kind == "init"] == [None, "abc"]  # resumes it
 
 
 def test_a_run_that_goes_on_tells_no_generation_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -134,7 +135,7 @@ def test_a_tracker_that_fails_ends_its_mirror_and_not_the_run(
     monkeypatch.setitem(sys.modules, "wandb", fake)
     mirror(tmp_path / "run", "wandb")
     assert capsys.readouterr().out == "log=wandb stopped recording this run: division by zero\n"
-    assert [kind for kind, _ in fake.calls] == ["init", "finish"], "the next run begins one of its own"
+    assert [kind for kind, _ in fake.calls] == ["init", "finish"], "it is closed, so the next run begins a new one"
 
 
 @pytest.mark.parametrize("log", ["wandb", "mlflow"])
