@@ -17,7 +17,7 @@ def cartpoles_sandbox() -> Iterator[Sandbox]:
 
 @pytest.fixture
 def one_sandbox(cartpoles_sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> Sandbox:
-    """Commands on Cartpole judge rewards in one real sandbox, opened once: each takes seconds."""
+    """Lets commands on Cartpole judge rewards in one real sandbox. It is opened once, because that takes seconds."""
     for place in ("openeureka.runs.rewards", "openeureka.runs.compose"):
         monkeypatch.setattr(f"{place}.Sandbox", lambda *_, **__: nullcontext(cartpoles_sandbox))
     return cartpoles_sandbox

@@ -1,6 +1,7 @@
-"""Run directories that mean harm, as data: what each holds, and what a person who uses it is told.
+"""Hostile run directories as data: what each holds, and what a person who uses it is told.
 
-Each begins as a copy of an honest run, broken off after its first generation. Beside it lies what it must not reach.
+Each begins as a copy of an honest run that was interrupted after its first generation. Beside it lies a folder of the
+person's own files, which it must not reach.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ SECRET = "SECRET-CANARY-4711"
 TASK = "open({mark!r}, 'a').write('imported ')\n"
 """A task file that leaves a mark when it is run."""
 Harm = Callable[[Path, Path], None]
-"""Changes a run; the second path is the folder of what it must not reach."""
+"""Changes a run (first path). The second path is the folder of the person's files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +32,15 @@ class HostileRun:
     name: str
     harm: Harm
     resume: str = ""
-    """What `eureka resume` says as it refuses; empty where it goes on to the end."""
+    """What `eureka resume` says when it refuses; empty where it goes on to the end."""
     read: str = ""
-    """The same of show, report and the page."""
+    """The same for show, report and the page."""
     verbs: tuple[str, ...] = ("show", "page", "play", "report", "resume")
-    """What is tried on it, in this order."""
+    """Commands that are tried on the run, in this order."""
 
 
 def bystanders(folder: Path) -> None:
-    """What belongs to the person: a secret, a folder, another store, and a file that leaves a mark when it is run."""
+    """Writes the person's files: a secret, a folder, another store, and a task file that leaves a mark when it runs."""
     (folder / "sub").mkdir(parents=True)
     (folder / "secret.txt").write_text(SECRET)
     (folder / "sub" / "precious.txt").write_text("a thesis")
@@ -50,7 +51,7 @@ def bystanders(folder: Path) -> None:
 
 
 def linked(name: str, target: str) -> Harm:
-    """A link at `name` to something of the person's."""
+    """Puts a link at `name` to one of the person's files or folders."""
 
     def harm(run: Path, folder: Path) -> None:
         path = run / name
@@ -64,7 +65,7 @@ def linked(name: str, target: str) -> Harm:
 
 
 def piped(name: str) -> Harm:
-    """A pipe at `name`, which whoever opens it would wait for."""
+    """Puts a pipe at `name`: a process that opens it would wait forever."""
 
     def harm(run: Path, _: Path) -> None:
         (run / name).unlink(missing_ok=True)
@@ -75,7 +76,7 @@ def piped(name: str) -> Harm:
 
 
 def edit(run: Path, sql: str, *values: object) -> None:
-    """Change rows that no openeureka changes, and leave the schema as it was."""
+    """Change rows that the store's triggers protect, and leave the schema as it was."""
     with closing(sqlite3.connect(run / "run.sqlite")) as store:
         triggers = store.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
         for name, _ in triggers:
@@ -91,7 +92,7 @@ def rows(sql: str, *values: object) -> Harm:
 
 
 def settings(**changes: object) -> Harm:
-    """Other settings than the run began with; `{folder}` is where the person's things are."""
+    """Changes the stored settings; `{folder}` stands for the folder of the person's files."""
 
     def harm(run: Path, folder: Path) -> None:
         with closing(sqlite3.connect(run / "run.sqlite")) as store:
@@ -103,7 +104,7 @@ def settings(**changes: object) -> Harm:
 
 
 def inside(table: str, column: str, **changes: object) -> Harm:
-    """Other values in the JSON of a column."""
+    """Changes values in the JSON of a column."""
 
     def harm(run: Path, _: Path) -> None:
         with closing(sqlite3.connect(run / "run.sqlite")) as store:
@@ -132,7 +133,7 @@ def schema(sql: str) -> Harm:
 
 
 def behind(sql: str, *values: object) -> Harm:
-    """A change of the schema's own table, which SQLite checks little of."""
+    """Changes the table in which SQLite keeps the schema, which SQLite hardly checks."""
 
     def harm(run: Path, _: Path) -> None:
         with closing(sqlite3.connect(run / "run.sqlite")) as store:
@@ -165,15 +166,15 @@ def _peak(epoch: int) -> dict[str, object]:
 
 _ESCAPES = "\x1b]0;owned\x07\x1b[2J\u202e<script>alert(1)</script>\n# Heading [a](javascript:x)"
 _HIDDEN = "INSERT INTO sqlite_master VALUES ('trigger', 'sqlite_later', 'remarks', 0, ?)"
-"""A name that SQLite keeps for itself."""
+"""Adds a trigger under a name that SQLite reserves for itself."""
 _ENDLESS = """CREATE TRIGGER sqlite_later AFTER INSERT ON remarks BEGIN
     SELECT COUNT(*) FROM (WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n); END"""
 _COMMENTED = """UPDATE sqlite_master SET sql = replace(sql, 'fills' || char(10), 'fills ')
     WHERE name = 'prompts' AND sql LIKE '%-- first slot that the prompt fills' || char(10) || '    messages TEXT%'"""
-"""Where the comment goes on, the column after it is none."""
+"""Removes the line break after a comment in the schema, so that the next column becomes part of the comment."""
 
 CASES = (
-    # Links. What is written replaces them where they stand for a file, and is refused where they stand for a folder.
+    # Links. A write replaces a link that stands for a file, and is refused where a link stands for a folder.
     *(
         HostileRun(f"link-{name.replace('/', '-')}", linked(name, "secret.txt"))
         for name in (

@@ -107,8 +107,8 @@ def test_a_verdict_is_json_for_programs(one_sandbox, tmp_path, capsys):
 
 def test_files_that_lie_around_are_not_imported(tmp_path, monkeypatch, capsys):
     (tmp_path / "good.py").write_text(GOOD)
-    (tmp_path / "tempfile.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")  # of somebody who means harm
-    (tmp_path / "glob.py").write_text("raise RuntimeError('my own notes on globs')\n")  # of somebody who does not
+    (tmp_path / "tempfile.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")  # hostile
+    (tmp_path / "glob.py").write_text("raise RuntimeError('my own notes on globs')\n")  # innocent
     monkeypatch.chdir(tmp_path)
     assert check(["env=cartpole", "good.py"]) == 0
     assert not (tmp_path / "mark").exists()

@@ -18,7 +18,7 @@ SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=
 
 
 class StagedTrainer(ToyTrainer):
-    """Notes task, lane and ranges of every training; Ctrl-C in the last stage while `stops`."""
+    """Lists task, lane and ranges of every training. While `stops` is set, the last stage raises Ctrl-C."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,7 +36,7 @@ class StagedTrainer(ToyTrainer):
 
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
-    """In place of model, sandbox and trainer; the working directory holds `stages.yaml`."""
+    """Replaces model, sandbox and trainer by fakes, and writes `stages.yaml` into a new working directory."""
     staged = StagedTrainer()
     monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
     monkeypatch.setattr(compose, "Sandbox", ToySandbox)
@@ -75,7 +75,7 @@ def test_a_search_that_is_resumed_elsewhere_goes_on_with_the_stage_under_way(
     os.mkdir("elsewhere")
     monkeypatch.chdir("elsewhere")
     assert run("resume", str(tmp_path / "out")) == 0
-    # The candidate, human and sparse: the last stage of the search, then both stages of the final training.
+    # The last stage of the search (candidate, human and sparse), then both stages of the final trainings.
     assert toy.stages[:3] == [stage.replace(EASY, LAST) for stage in begun]
     assert [stage.split()[0] for stage in toy.stages[3:]] == [EASY] * 2 + [LAST] * 2  # the best and the human reward
 

@@ -61,7 +61,7 @@ def test_the_embedded_model_needs_its_engine_and_whole_weights(monkeypatch, tmp_
     monkeypatch.setenv("EUREKA_CACHE", str(tmp_path))
     monkeypatch.delenv("EUREKA_GGUF", raising=False)
     (tmp_path / doctor.weights.QWEN.filename).touch()
-    assert not doctor.embedded_model()[0].good  # an empty file is none
+    assert not doctor.embedded_model()[0].good  # an empty file does not count
     (tmp_path / "mine.gguf").write_bytes(b"GGUF")
     monkeypatch.setenv("EUREKA_GGUF", str(tmp_path / "mine.gguf"))
     assert doctor.embedded_model() == [Finding("model=local", True, f"EUREKA_GGUF names {tmp_path}/mine.gguf")]

@@ -1,4 +1,4 @@
-"""Which reward of a run goes back to its suite."""
+"""Which reward of a run `eureka export` takes."""
 
 import shutil
 from pathlib import Path
@@ -18,7 +18,7 @@ from openeureka.testing.scripted import program, reply
 def test_the_reward_in_best_is_exported(tmp_path: Path):
     directory = search_in(tmp_path / "run", [reply(7), reply(8)])
     assert _best(directory)[0] == program(8)
-    (directory / "best" / "reward.py").write_text(program(7))  # as where fitted numbers took the place of the crown's
+    (directory / "best" / "reward.py").write_text(program(7))  # as after fitted numbers replaced the winner's
     assert _best(directory)[0] == program(7)
 
 
@@ -31,7 +31,7 @@ def test_what_nobody_accepted_is_not_exported(tmp_path: Path):
 
 def test_where_the_task_s_own_reward_is_the_best_there_is_nothing_to_export(tmp_path: Path):
     directory = search_in(tmp_path / "run", [reply(7), reply(8)])
-    (directory / "best" / "reward.py").unlink()  # as `eureka train reward=human` leaves it: a policy, and no text
+    (directory / "best" / "reward.py").unlink()  # as `eureka train reward=human` leaves it: a policy, no program
     with pytest.raises(ConfigError, match="came with the task, so there is nothing to export"):
         _best(directory)
 

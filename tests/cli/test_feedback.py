@@ -31,7 +31,7 @@ def directory(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def waiting(tmp_path: Path) -> Path:
-    """A run that was killed while it waited for what a person says of g0s0 and g0s1."""
+    """A run that was killed while it waited for a person's remarks on g0s0 and g0s1."""
 
     def killed(event: Event) -> None:
         if isinstance(event, Began) and event.phase == "feedback":
@@ -200,7 +200,7 @@ def test_a_byte_that_the_locale_cannot_read_ends_no_run(directory: Path, monkeyp
 
 
 def test_a_job_in_the_background_leaves_the_keyboard_alone(directory: Path, monkeypatch) -> None:
-    """A shell stops one that reads what is typed for others."""
+    """A shell stops a background job that reads from the terminal."""
 
     class Terminal(Keyboard):
         def fileno(self) -> int:

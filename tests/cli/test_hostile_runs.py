@@ -1,4 +1,4 @@
-"""Whatever a run directory from elsewhere holds: nothing outside it is read, written, imported or asked."""
+"""Whatever a run directory from elsewhere holds: nothing outside it is read, written, imported or contacted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from openeureka.training.policy import Policy
 
 DRIVES = {"\x1b", "\x07", "\x9b", "\u202e"}
 HERE = "# Heading"
-"""How a line of a hostile text would begin, were it not kept to the line that it is shown in."""
+"""A line that a hostile text would add to a Markdown file, if its line breaks were kept."""
 
 
 class Confined(ToySandbox):
@@ -32,7 +32,7 @@ class Confined(ToySandbox):
 
 
 class Known(ToyTrainer):
-    """The task is installed, whatever the run says."""
+    """A trainer that gets the installed task only, whatever the run names."""
 
     def train(self, env, lanes, budget):
         assert env == "cartpole"
@@ -42,7 +42,7 @@ class Known(ToyTrainer):
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("honest") / "run"
-    with contextlib.suppress(IndexError):  # the script is over
+    with contextlib.suppress(IndexError):  # the model's script has ended
         search_in(directory, [reply(7), reply(8)], env="cartpole", iteration=2, video="all")
     (directory / "best" / "policy.safetensors").write_bytes(Policy("cartpole", policy(4, 1, (8,)).tensors).to_bytes())
     return directory
@@ -50,7 +50,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Where the person is: among things that no run may reach. They are as they were in the end."""
+    """The person's working directory, with files that no run may reach. They must be unchanged at the end."""
     monkeypatch.setenv("CANARY", SECRET)
     monkeypatch.setenv("OPENAI_API_KEY", f"sk-{SECRET}")
     monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
@@ -60,7 +60,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):
         monkeypatch.setattr(module, "render", rendered)
-    monkeypatch.setattr("os.fsync", lambda descriptor: None)  # no disk is tested here
+    monkeypatch.setattr("os.fsync", lambda descriptor: None)  # the disk is not tested here
     folder = tmp_path / "things"
     bystanders(folder)
     monkeypatch.chdir(folder)
@@ -68,7 +68,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     before = snapshot(folder)
     yield folder
     assert snapshot(folder) == before
-    assert not (tmp_path / "mark").exists(), "a file was imported that the run named"
+    assert not (tmp_path / "mark").exists(), "a file that the run named was imported"
 
 
 def rendered(env: str, *_: object, **__: object) -> bytes:
@@ -89,7 +89,7 @@ def assert_harmless(text: str) -> None:
 def test_a_directory_from_elsewhere_does_no_harm(case: HostileRun, honest: Path, things: Path, capfd):
     run = things
     for verb in case.verbs:
-        if verb not in ("page", "play"):  # those only read
+        if verb not in ("page", "play"):  # page and play only read: they take the last verb's run
             run = things.parent / verb / "run"
             shutil.copytree(honest, run)
             case.harm(run, things)

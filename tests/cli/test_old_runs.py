@@ -1,4 +1,4 @@
-"""The oldest kind of run that still opens, as an archive of the table has it: schema 11."""
+"""The oldest runs that still open: schema 11, here one from the archive of the headline table."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ def test_it_is_shown_and_stays_as_it_is(directory: Path, capsys: pytest.CaptureF
 def test_who_goes_on_with_it_brings_it_up_to_date(directory: Path) -> None:
     before = RunView.read(directory)
     with Store.open(directory, before.config) as store:
-        assert store.ended, "which no row said in schema 11"
+        assert store.ended, "no row of schema 11 says so"
         assert store.lanes.all() == before.lanes and store.ranks == "played"
     assert schema(directory) == max(MIGRATIONS)

@@ -11,7 +11,7 @@ from openeureka.training.policy import Policy
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
-    """What would have been rendered."""
+    """Calls of the renderer, which is a fake."""
     calls: list[tuple[object, ...]] = []
 
     def render(env: str, policy: str | bytes, *, beside: str | bytes | None, seconds: float, **_: object) -> bytes:
@@ -25,7 +25,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
 
 
 def policy_of(env: str) -> bytes:
-    """A policy file whose network nobody runs."""
+    """A policy file. Its network is never run."""
     tensors = {"w0": torch.zeros(4, 2), "b0": torch.zeros(2), "log_std": torch.zeros(1)}
     return Policy(env, tensors).to_bytes()
 
@@ -36,7 +36,7 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
     play.play([str(tmp_path), "seconds=3"])
     assert asked == [("ant", policy_of("ant"), 3.0)]
     assert (tmp_path / "play.mp4").read_bytes() == b"mp4"
-    assert not (tmp_path / "best" / "video.mp4").exists()  # the report's own, and of another length
+    assert not (tmp_path / "best" / "video.mp4").exists()  # that is the report's video, of another length
     assert capsys.readouterr().out == f"Filming 3 s\nWrote {tmp_path / 'play.mp4'}\n"
 
 
@@ -108,7 +108,7 @@ def test_a_name_that_fits_no_file_says_what_does(asked, tmp_path):
 
 @pytest.fixture
 def shown(asked, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
-    """What would have been shown on a machine with a display."""
+    """Windows and pages that would have opened on a machine with a display."""
     calls: list[tuple[str, str]] = []
     monkeypatch.setattr(play.viewer, "has_display", lambda: True)
     monkeypatch.setattr(play, "Stage", lambda env, policy, seed: f"{env} {policy} {seed}")

@@ -34,7 +34,7 @@ SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
 
 
 class Failing(ScriptedModel):
-    """Breaks after two replies."""
+    """Fails after two replies."""
 
     def sample(self, prompt, *, n, seed):
         if self.said == 2:
@@ -53,7 +53,7 @@ class Interrupting(ScriptedModel):
 
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """A search of pure functions in place of model, sandbox and trainer."""
+    """Replaces model, sandbox and trainer of a search by pure functions."""
     monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT))
     monkeypatch.setattr(compose, "Sandbox", ToySandbox)
     monkeypatch.setattr(compose, "record_states", lambda env: {})
@@ -69,7 +69,7 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
     made = {path.relative_to(tmp_path / "run").as_posix() for path in (tmp_path / "run").rglob("*")}
     assert {"report.html", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
     assert "lanes/human-s0/events.out.tfevents.0" in made
-    # Held out takes one from each toy F, seed 0 counts for baselines: (11.015 - 4) / (9.01 - 4).
+    # A toy's F held out is one less. The human reward's seed 0 counts too: (11.015 - 4) / (9.01 - 4).
     assert "<td>1.4</td>" in (tmp_path / "run" / "report.html").read_text()
 
 
@@ -100,7 +100,7 @@ def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_p
 
 def test_where_nothing_is_done_nothing_is_said_to_be_kept(parts, tmp_path, capsys):
     failing = Failing(SCRIPT)
-    failing.said = 2  # at its first request
+    failing.said = 2  # so it fails at its first request
     parts.setattr(compose, "open_model", lambda config, held: failing)
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 3
     assert capsys.readouterr().err.splitlines() == [
@@ -163,7 +163,7 @@ def test_a_run_that_has_all_its_replies_goes_on_without_a_key(parts, tmp_path, c
 
 
 class Late(ToyTrainer):
-    """Ctrl-C in the training that follows those of two generations."""
+    """Ctrl-C in the third training, after those of two generations."""
 
     def __init__(self):
         super().__init__()
@@ -284,7 +284,7 @@ def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
         ("g1s1", 3.0, 0.0, 4.0, "accepted", "trained"),
     ]
     assert found["best"]["name"] == "g1s0" and "return 12.0" in found["best"]["source"]
-    # Held out takes one from each toy F, and a seed adds a hundredth; that of the search counts for baselines.
+    # A toy's F held out is one less, and each seed adds seed / 100. The human reward's seed of the search counts too.
     final = found["final"]["rewards"]
     assert final["best"]["fitness"][0] - 1 == pytest.approx(final["best"]["held_out_fitness"][0])
     assert final["human"]["held_out_fitness"] == pytest.approx([9.0, 9.01, 9.02])
@@ -415,7 +415,7 @@ def test_a_run_tells_its_log_how_it_goes_and_why_it_ended(parts, tmp_path, capsy
     log = (tmp_path / "run" / LOG).read_text()
     told = ["Generation 0: best F 7, 2 of 2 trained", "The endpoint refused the key", "Generation 1: best F 11"]
     assert [log.find(line) for line in told] == sorted(log.index(line) for line in told)
-    assert "\x1b" not in log and log.count("Generation 0") == 2  # the second process found it in the store
+    assert "\x1b" not in log and log.count("Generation 0") == 2  # the second process read it from the store
 
 
 @pytest.mark.parametrize(("printed", "observers"), [(LOG, 1), ("elsewhere", 2)])
@@ -425,7 +425,7 @@ def test_what_is_printed_into_the_log_is_not_written_there_twice(tmp_path, print
         with (tmp_path / printed).open("wb") as file:
             os.dup2(file.fileno(), 1)
         with log.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
-            assert len(found) == observers  # one writes what the page follows
+            assert len(found) == observers  # one writes the file that the page follows
     finally:
         os.dup2(stdout, 1)
         os.close(stdout)
@@ -448,7 +448,7 @@ def test_a_run_that_is_asked_to_stop_stops_as_by_ctrl_c_and_forgets_the_request(
 
 
 class Asking(ScriptedModel):
-    """Has its run stopped by somebody else after two replies, while it waits for the third."""
+    """After two replies, asks its run to stop, as another process would, and waits."""
 
     def __init__(self, script, directory):
         super().__init__(script)
@@ -499,7 +499,7 @@ def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monke
         monkeypatch.setattr(remote, "PATIENCE", 60.0)
         threading.Timer(0.5, held.release).start()
         assert run("stop", f"{tmp_path}/run") == 0
-    # The search has ended: what somebody stops is what came after it, such as `eureka robust`.
+    # The search has finished, so the command that is stopped is a later one, such as `eureka robust`.
     assert capsys.readouterr().out == "Stopped, nothing is lost. Continue the way you started it.\n"
 
 

@@ -1,4 +1,4 @@
-"""No key in any file or line of a run, and no text from outside that drives the terminal or the page."""
+"""No file or printed line of a run holds a key, and no text from outside controls the terminal or the page."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DRIVES = {"\x1b", "\x07", "\x9b", "\u202e"}
 
 @pytest.fixture
 def endpoint(monkeypatch: pytest.MonkeyPatch) -> Iterator[Endpoint]:
-    """An endpoint that says back what it was sent, named with a password, and a search of pure functions around it."""
+    """An endpoint with a password in its URL and the key in its replies. The rest of the search is pure functions."""
     served = Endpoint()
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.setenv("OPENAI_BASE_URL", served.url.replace("http://", f"http://user:{PASSWORD}@"))
@@ -37,7 +37,7 @@ def endpoint(monkeypatch: pytest.MonkeyPatch) -> Iterator[Endpoint]:
 def leaking(directory: Path) -> list[str]:
     """Files that hold a secret, in whatever form."""
     files = [path for path in directory.rglob("*") if path.is_file()]
-    assert len(files) > 8, "there is something to look through"
+    assert len(files) > 8, "there are enough files to look through"
     secrets = [KEY.encode(), PASSWORD.encode()]
     return [str(path) for path in files if any(secret in path.read_bytes() for secret in secrets)]
 
@@ -60,7 +60,7 @@ def test_a_finished_run_a_replayed_one_and_what_is_shown_of_them_hold_no_secret(
         assert eureka("report", f"{tmp_path}/{directory}") == 0
         assert leaking(tmp_path / directory) == []
         page = (tmp_path / directory / "report.html").read_text()
-        assert "Bearer ***" in page and page.count("<script") == 1  # its own, known by its hash
+        assert "Bearer ***" in page and page.count("<script") == 1  # the page's own, allowed by its hash
         assert not DRIVES & set(re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL))
     assert "return 3.0" in printed(capsys)
     assert endpoint.keys and set(endpoint.keys) != {""}, "the endpoint itself got a key"

@@ -26,7 +26,7 @@ def test_settings_are_described_with_default_and_first_line():
 
 
 def test_every_setting_of_a_run_is_described():
-    assert len(describe(RunConfig).splitlines()) == 3 + len(RunConfig.__dataclass_fields__)  # and python=
+    assert len(describe(RunConfig).splitlines()) == 3 + len(RunConfig.__dataclass_fields__)  # heading and python=
 
 
 def test_what_is_no_setting_of_its_own_stands_among_the_settings(capsys: pytest.CaptureFixture[str]):

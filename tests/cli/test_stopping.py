@@ -1,4 +1,4 @@
-"""Ctrl-C is heard whoever has gone by then."""
+"""Ctrl-C is heard even if nobody reads the output any more."""
 
 import os
 import signal
@@ -24,7 +24,7 @@ except KeyboardInterrupt:
 
 
 def test_ctrl_c_is_heard_where_it_has_ended_who_reads_the_output():
-    """As `tee` in `eureka run | tee log`, which the same Ctrl-C ends."""
+    """In `eureka run | tee log`, the same Ctrl-C ends `tee`, which reads the output."""
     with subprocess.Popen(
         [sys.executable, "-c", SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as child:

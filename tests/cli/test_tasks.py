@@ -35,7 +35,7 @@ def test_envs_shows_measured_baselines(capsys, monkeypatch):
     monkeypatch.setattr(baselines, "_shipped", lambda: {"ant": ant})
     envs()
     rows = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line}
-    assert rows["ant"][4:6] == ["8.25", "4.5"]  # of each the policies that play better, as in a run
+    assert rows["ant"][4:6] == ["8.25", "4.5"]  # of the two policies, the better one, as in a run
     assert rows["cartpole"][4:6] == ["-", "-"]
 
 
@@ -53,4 +53,4 @@ def test_the_list_of_tasks_is_json_for_programs(capsys, monkeypatch):
     envs(as_json=True)
     found = json.loads(capsys.readouterr().out)["cartpole"]
     assert (found["suite"], found["observations"], found["actions"], found["episode_length"]) == ("isaac", 4, 1, 500)
-    assert found["human_fitness"] == 499.0  # 402.9 where F peaked: one of the three falls
+    assert found["human_fitness"] == 499.0  # 402.9 at the peak of F: one of three policies fails

@@ -26,7 +26,7 @@ GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)
 
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
-    """Human rewards are worth 10, sparse ones 5, plus a hundredth of the seed; one less when held out."""
+    """A trainer with which F is 10 (human) or 5 (sparse) plus seed / 100, and one less when held out."""
     trainer = ToyTrainer()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
     return trainer
@@ -37,7 +37,7 @@ def test_every_reward_and_seed_is_a_lane_of_one_population(toy, tmp_path, capsys
     assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1"]
     rows = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
     cells = {row[0]: [cell.strip() for cell in row if cell.strip()] for row in rows}
-    # 10.00 and 10.01: mean 10.005 shown as far as two digits of the sample deviation, 0.0071
+    # 10.00 and 10.01: mean 10.005 shown to two digits of the sample deviation, 0.0071
     assert cells["human"][1:3] == ["10.0050 ± 0.0071", "9.0050 ± 0.0071"]
     assert cells["sparse"][1:3] == ["5.0050 ± 0.0071", "4.0050 ± 0.0071"]
 
@@ -54,7 +54,7 @@ LEVEL = replace(KNOWN, human=KNOWN.sparse)
 @pytest.mark.parametrize(
     ("rewards", "known", "score", "note"),
     [
-        ("human,sparse", KNOWN, "1", "held out.\n"),  # (9 - 4) / |9 - 4|: those trained along come first
+        ("human,sparse", KNOWN, "1", "held out.\n"),  # (9 - 4) / |9 - 4|: baselines trained here come first
         ("human", KNOWN, "0.5", "1,000 steps in 8 worlds, 1 seed, on 2 cores"),  # (9 - 7) / |11 - 7|
         ("human", None, "-", "add human and sparse to reward="),
         (
@@ -128,7 +128,7 @@ def test_the_list_of_runs_shows_the_best_of_given_rewards(toy, tmp_path):
 def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):
     train(["env=cartpole", "reward=sparse,human", "seeds=2", f"dir={tmp_path}/out"])
     assert (tmp_path / "out" / "best" / "policy.safetensors").read_bytes() == b"10.01"
-    assert "is not a policy" in capsys.readouterr().out  # a toy's is a number; a real one becomes policy.onnx
+    assert "is not a policy" in capsys.readouterr().out  # a toy's policy is a number; a real one becomes policy.onnx
 
 
 def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
@@ -184,7 +184,7 @@ def test_a_list_of_rewards_that_makes_no_sense_is_refused(toy, reward, sentence)
 
 
 def ending(trainer: ToyTrainer, state: TrainingState, lanes: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the lanes whose ids begin so end early."""
+    """Make lanes whose ids begin with `lanes` end early."""
     whole = trainer.result
 
     def result(lane):
@@ -218,7 +218,7 @@ def test_why_a_training_ended_early_is_said(toy, tmp_path, capsys, monkeypatch):
 
 
 def stopping(trainer: ToyTrainer, after: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have somebody press Ctrl-C when so many lanes have trained."""
+    """Raise Ctrl-C once `after` lanes have trained."""
     whole = trainer.result
 
     def result(lane):
@@ -254,7 +254,7 @@ def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
     train(["reward=human", f"dir={tmp_path}/out"])
     with pytest.raises(StoreError, match=r"holds a run of other rewards \(human\)") as refused:
         train(["reward=human,sparse", f"dir={tmp_path}/out"])
-    assert not hasattr(refused.value, "__notes__"), "to resume the run would not train the other rewards"
+    assert not hasattr(refused.value, "__notes__"), "no advice to resume: that would not train the other rewards"
 
 
 def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(one_sandbox, toy, tmp_path, monkeypatch):

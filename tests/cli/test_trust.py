@@ -1,4 +1,5 @@
-"""Who started a run goes on with it unasked; what a run from elsewhere reaches is shown, and agreed to or refused."""
+"""A person goes on with their own run unasked. For a run from elsewhere, commands show what it would reach, and the
+person agrees or refuses."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def foreign(directory: Path, **settings: object) -> Path:
-    """A run that somebody else broke off."""
+    """A run that somebody else started and interrupted."""
     given = {"iteration": 2, "sample": 2, "seeds": 1, "model": "m", "base_url": ADDRESS, "video": "none", **settings}
     config = RunConfig(**given)  # type: ignore[arg-type]
     with Store.open(directory, config) as store, contextlib.suppress(IndexError):
@@ -63,7 +64,7 @@ def test_a_user_without_a_home_is_asked_each_time(
     answer: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for kind in ("user_state_dir", "user_cache_dir"):  # as old versions of platformdirs and new ones answer
+    for kind in ("user_state_dir", "user_cache_dir"):  # one answer of new, one of old versions of platformdirs
         monkeypatch.setattr(homes.platformdirs, kind, Mock(**answer))
     config = RunConfig(base_url=ADDRESS, model="m")
     trust.remember(config)
@@ -75,7 +76,7 @@ def test_a_user_without_a_home_is_asked_each_time(
 
 
 def at_a_terminal(monkeypatch: pytest.MonkeyPatch, answer: str) -> list[str]:
-    """Somebody sits there and gives this answer."""
+    """Fake a terminal at which a person gives this answer. Returns the questions that are asked."""
     questions: list[str] = []
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
@@ -104,7 +105,7 @@ def test_an_address_from_elsewhere_is_refused_in_a_script_and_trusted_by_name(as
             train.resume([str(run), *words])
     assert asked == []
     train.resume([str(run), f"trust={run}"])
-    train.resume([str(run)])  # who has agreed once is not asked again
+    train.resume([str(run)])  # a person who agreed once is not asked again
     assert asked == [ADDRESS, ADDRESS]
 
 

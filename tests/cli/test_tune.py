@@ -1,4 +1,4 @@
-"""`eureka tune` from the words to the page, with a trainer that knows which numbers are best."""
+"""`eureka tune` from the command line to the page, with a trainer that knows which numbers are best."""
 
 import io
 import json
@@ -44,7 +44,7 @@ def compute_reward(pole_angle, cart_position):
 
 
 class Knowing(ToyTrainer):
-    """F is 50, less the squared logarithms of all numbers in the graph: all should be 1."""
+    """F is 50 minus the sum of the squared logarithms of all numbers in the graph, so each should be 1."""
 
     def result(self, lane):
         assert isinstance(lane.program, RewardGraph)
@@ -73,7 +73,7 @@ def words(mine, tmp_path, *more):
 
 
 class Tuned(NamedTuple):
-    """A tuning that has ended."""
+    """A finished tuning: its run directory and what it printed."""
 
     directory: Path
     said: str
@@ -91,7 +91,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Tuned:
 
 @pytest.fixture
 def tuned(once: Tuned, tmp_path: Path) -> Tuned:
-    """A copy of one tuning, for each test its own."""
+    """A copy of the finished tuning for each test."""
     return once._replace(directory=shutil.copytree(once.directory, tmp_path / "out"))
 
 
@@ -259,7 +259,7 @@ def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):
     mine.write_text(MINE.replace("8.0", "9.0"))
     with pytest.raises(StoreError, match="tunes another reward") as refused:
         tune(words(mine, tmp_path))
-    assert not hasattr(refused.value, "__notes__"), "to resume the run would not tune the other reward"
+    assert not hasattr(refused.value, "__notes__"), "no advice to resume: that would not tune the other reward"
 
 
 @pytest.mark.parametrize("again", [False, True])

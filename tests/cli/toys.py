@@ -1,4 +1,4 @@
-"""What the tests of commands put in place of a search's parts."""
+"""Helpers for tests of commands: one runs a command line, one replaces the sandbox."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from openeureka.testing.scripted import ToyChecker
 
 
 def eureka(*words: object) -> int:
-    """Exit code of a command line."""
+    """Run a command line. Returns its exit code."""
     with pytest.raises(SystemExit) as exit:
         command.main([str(word) for word in words])
     return int(exit.value.code or 0)
 
 
 class ToySandbox(ToyChecker):
-    """In place of `sandbox.client.Sandbox`: opened like it, and judges in this process."""
+    """Stands in for `sandbox.client.Sandbox`: opened like it, but judges in this process."""
 
     def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
         super().__init__()
