@@ -43,7 +43,7 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
 def test_the_policy_that_was_carried_on_is_shown_where_it_is_better(asked, tmp_path):
     Store.open(tmp_path, RunConfig(env="ant")).close()
     for word, maker in (("polished", "`polish=N`"), ("robust", "`eureka robust`")):
-        with pytest.raises(ConfigError, match=f"holds no {word} policy, which {maker} leaves"):
+        with pytest.raises(ConfigError, match=f"has no {word} policy: {maker} leaves"):
             play.play([str(tmp_path), f"policy={word}"])
     (tmp_path / "polished").mkdir()
     (tmp_path / "polished" / "policy.safetensors").write_bytes(policy_of("ant"))

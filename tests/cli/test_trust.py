@@ -150,7 +150,7 @@ def test_a_report_imports_the_file_of_a_run_that_was_started_here_or_that_is_typ
     monkeypatch.setattr(video, "render", lambda env, *_, **__: filmed.append(env) or b"mp4")
     run = foreign(tmp_path / "run", env=str(TASK))
     report([str(run), "video=all"])
-    assert filmed == [] and "add env=FILE.py" in capsys.readouterr().out
+    assert filmed == [] and "Add env=FILE.py" in capsys.readouterr().out
     report([str(run), "video=all", f"env={TASK}"])
     assert set(filmed) == {str(TASK)}
     for film in run.rglob("video.mp4"):

@@ -65,7 +65,7 @@ def envs(*, as_json: bool = False) -> None:
         print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
     print("\nobs, act: sizes of observation and action. episode: its maximum length in steps.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
-    print("Policies are taken at the peak of F or of their own reward, whichever play better.")
+    print("Policies are those at the peak of F or of their reward, whichever play better.")
     print("Any Gymnasium environment is a task too: env=gym:CartPole-v1")
     print("More about one task: eureka context env=NAME")
 
