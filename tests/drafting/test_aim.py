@@ -1,4 +1,4 @@
-"""F of a drafted task: what a sentence and the names of a model say, and nothing else."""
+"""F of a drafted task follows from a person's sentence and the names in the model alone."""
 
 import mujoco
 import pytest
@@ -9,7 +9,7 @@ from openeureka.drafting.table import StateTable
 from openeureka.errors import TaskError
 from openeureka.tasks.anatomy import identifier
 
-# An arm, two cubes, one on slides, and a goal that is moved by hand.
+# An arm, two cubes, of which the blue one slides along x, and a goal on a mocap body.
 TABLE = """
 <mujoco>
   <worldbody>
@@ -56,10 +56,10 @@ def survey(text: str) -> Survey:
 @pytest.mark.parametrize(
     ("intent", "measure"),
     [
-        # The cube starts 0.4 m from the goal, and a fifth of that counts as there.
+        # The red cube starts 0.4 m from the goal. Within a fifth of that it counts as there.
         ("to push the red cube onto the green goal", "the share of time that red_cube is within 0.08 m of green_goal"),
         ("Sliding the blue cube to the target", "the share of time that blue_cube is within 0.052 m of green_goal"),
-        # The elbow starts 0.05 rad off its limit: sqrt(0.2^2 + 0.2^2 + 0.255^2) = 0.38 m.
+        # The elbow starts 0.05 rad off its limit, so the fingertip is sqrt(0.2^2 + 0.2^2 + 0.255^2) = 0.38 m away.
         ("to reach the goal", "the share of time that fingertip is within 0.076 m of green_goal"),
         (
             "make the arm reach the goal with the forearm",
@@ -126,7 +126,7 @@ def test_names_may_have_letters_beyond_those_of_english():
     table = survey(TABLE.replace("red_cube", "großer_Würfel"))
     by_words, by_name = find_aim(table, "to push the großer Würfel to the goal"), find_aim(table, thing="großer_Würfel")
     assert by_words == by_name and by_name.mover is not None and by_name.mover.name == "großer_Würfel"
-    assert StateTable(table).variable(by_name.mover) == "gro_er_Wurfel_pos"  # a reward names nothing but ASCII
+    assert StateTable(table).variable(by_name.mover) == "gro_er_Wurfel_pos"  # names in a reward program are ASCII
     assert [identifier(name) for name in ("目标", "目标b", "2nd")] == ["part", "b", "_2nd"]
 
 
@@ -218,7 +218,7 @@ def test_no_point_is_made_up_for_what_a_loop_holds(equality: str):
 
 
 def test_a_joint_that_follows_another_is_where_that_brings_it():
-    # The hand turns back as far as the arm turns, so it keeps its direction: its tip is on a circle about (0.3, 0).
+    # The hand turns back as far as the arm turns, so it keeps its direction. Its tip moves on a circle about (0.3, 0).
     held = survey(LOOP.format('<joint joint1="bend" joint2="turn" polycoef="0 -1 0 0 0"/>'))
     tip = next(place for place in held.places() if place.name == "tip")
     radii = ((held.reach(tip, 20) - [0.3, 0.0, 0.0]) ** 2).sum(1) ** 0.5

@@ -18,8 +18,8 @@ _WHEEL = importlib.util.find_spec("gymnasium")
 assert _WHEEL is not None and _WHEEL.submodule_search_locations
 ROBOTS = Path(_WHEEL.submodule_search_locations[0]) / "envs" / "mujoco" / "assets"
 
-# Everything that models have besides hinges: names that clash or are missing, a ball joint, a tendon that is driven, a
-# thing that lies about, a keyframe, an input without a range, a joint at its limit.
+# What models may have besides hinges: names that clash or are missing, a ball joint, a driven tendon, a loose object,
+# a keyframe, an input without a range, a joint at its limit.
 ODDITIES = """
 <mujoco>
   <option timestep="0.004"/>
@@ -59,7 +59,8 @@ DRONE = """
 """
 
 
-# An arm, a puck on slides with a touch sensor, a goal that is moved by hand, and sensors of every awkward kind.
+# An arm, a puck on slides with a touch sensor, a goal on a mocap body, and sensors that are awkward: one is named like
+# a state variable, one has no name, one has a reference frame, one is a user sensor.
 TABLE = """
 <mujoco>
   <option timestep="0.005"/>
@@ -91,7 +92,7 @@ TABLE = """
 
 
 def drafted(folder: Path, robot: Path, intent: str = "") -> str:
-    """`env=` of a task that is drafted there."""
+    """Draft a task in the folder, and return its name for `env=`."""
     path = folder / f"{robot.stem}.py"
     path.write_text(draft(path, robot, intent).text)
     return f"{path}:{class_name(path)}"
@@ -167,7 +168,7 @@ def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
     state = simulation.current_state()
     assert state["forward_speed"].tolist() == [2.0, -1.0]
     assert simulation.task.sparse_reward(state).tolist() == [2.0, -1.0]
-    # It is drawn 0.34 m above where it stands, 0.41 m high: 0.6 of that is 0.243 m.
+    # The model file has the torso at 0.75 m, but the ant stands with it at 0.41 m. Of that, 0.6 is 0.243 m.
     low = {**state, "height": torch.tensor([0.23, 0.26])}
     assert simulation.task.terminated(low).tolist() == [True, False]
     assert simulation.task.ends == "An episode ends early when torso is lower than 0.243 m."
@@ -184,7 +185,7 @@ def test_others_reach_for_a_point_that_they_can_reach(tmp_path: Path):
     assert float(simulation.task.human_reward(there)) > float(simulation.task.human_reward(state))
 
 
-# Two links whose actuators say no range: {0} is of the joints, {1} the actuators.
+# Two links. {0} stands for attributes of both joints, {1} for the actuators, most of which state no range.
 LINKS = """
 <mujoco>
   <option gravity="0 0 0"/>
@@ -218,13 +219,13 @@ def test_what_servos_cannot_reach_is_not_said_to_be_within_reach(tmp_path: Path)
     servo = '<position joint="{}" kp="30" ctrlrange="-0.1 0.1"/>'
     path, robot = tmp_path / "odd.py", odd(tmp_path, LINKS.format("", servo.format("turn") + servo.format("bend")))
     point = draft(path, robot).aim.point
-    assert point[0] > 0.44  # 0.3 cos 0.1 + 0.15 cos 0.2 = 0.4455; straight it is 0.45
+    assert point[0] > 0.44  # 0.3 cos 0.1 + 0.15 cos 0.2 = 0.4455 at the servos' limits, 0.45 with straight joints
 
 
 @pytest.mark.parametrize(
     ("joints", "actuators", "expected", "guessed"),
     [
-        # 88 N m at each joint, of which a gear of 4 makes 22 of the motor.
+        # 88 N m at each joint; behind a gear of 4, the motor needs 22 for that.
         ('actuatorfrcrange="-88 88"', '<motor joint="turn"/><motor joint="bend" gear="4"/>', [88.0, 22.0], ()),
         ('actuatorfrcrange="-88 88"', '<motor joint="turn" forcerange="-40 40"/>', [40.0], ()),
         ("", '<motor joint="turn" forcerange="-40 40"/><motor name="weak" joint="bend"/>', [40.0, 1.0], ("weak",)),
@@ -259,10 +260,10 @@ def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
     state = simulation.current_state()
     torch.testing.assert_close(state["puck_pos"], torch.tensor([[0.3, 0.2, 0.03], [0.35, -0.18, 0.03]]))
     torch.testing.assert_close(state["goal_pos"], torch.tensor([[0.3, -0.2, 0.03]] * 2))
-    # A fifth of the 0.4 m at the start is 0.08 m: sqrt(0.05^2 + 0.02^2) = 0.054 m is near enough.
+    # The puck counts as there within a fifth of the 0.4 m at the start, 0.08 m: sqrt(0.05^2 + 0.02^2) = 0.054 m does.
     assert task.sparse_reward(state).tolist() == [0.0, 1.0]
     nearer = {**state, "arm_pos": state["puck_pos"]}
-    assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not drawn to the puck"
+    assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not rewarded near the puck"
 
 
 def test_an_edit_of_the_model_leaves_what_a_draft_measures(tmp_path: Path):
@@ -356,7 +357,7 @@ def test_joints_sway_within_their_ranges_and_not_where_an_equality_holds_them(tm
     simulation = make(drafted(tmp_path, odd(tmp_path, GRIPPER.format(""))), worlds=64)
     simulation.reset()
     low, high = simulation.current_state()["joint_pos"].aminmax(dim=0)
-    # A tenth of 0.4 m, and of 0.04 m.
+    # A joint starts within a tenth of its range: 0.4 m, 0.04 m and 0.04 m.
     assert high.tolist() == pytest.approx([0.04, 0.004, 0.004], rel=0.1) and bool((low < 0.0).all())
     held = GRIPPER.format('<joint joint1="left" joint2="right" polycoef="0.01 1 0 0 0"/>')
     simulation = make(drafted(tmp_path, odd(tmp_path, held)), worlds=8)
@@ -410,8 +411,8 @@ def test_a_robot_has_fallen_when_it_is_low_against_where_it_stands(tmp_path: Pat
     simulation = make(drafted(tmp_path, robot), worlds=4)
     simulation.reset()
     for _ in range(100):
-        assert not bool(simulation.step(torch.zeros(4, 2)).done.any()), "it stands still, and has fallen"
-    # Its feet are 0.3 m below its trunk, and have a radius of 0.02 m.
+        assert not bool(simulation.step(torch.zeros(4, 2)).done.any()), "a robot that stands still counts as fallen"
+    # The feet are 0.3 m below the trunk and have a radius of 0.02 m, so it stands 0.32 m high.
     fallen = float(simulation.task.ends.split()[-2])
     assert fallen == pytest.approx(0.6 * 0.32, abs=0.003)
 
@@ -457,7 +458,7 @@ def test_sensors_are_state_variables_as_mujoco_measures_them(tmp_path: Path):
     half = math.sqrt(0.5)
     torch.testing.assert_close(state["actions_"], torch.tensor([[0.0, 0.0, 3.0]]))
     torch.testing.assert_close(state["arm_turn"], torch.tensor([[0.0, 0.0, half, half]]))  # x, y, z, w
-    torch.testing.assert_close(state["sensor3"], torch.tensor([[0.2, -0.3, 0.0]]))  # seen from an arm that points to y
+    torch.testing.assert_close(state["sensor3"], torch.tensor([[0.2, -0.3, 0.0]]))  # in the frame of an arm along y
     assert state["puck_touch"].shape == (1,) and spec["puck_touch"].meaning == "normal force that presses on rim [N]"
     assert spec["sensor3"].meaning == "position of the inertial frame of puck [m], seen from arm"
     assert "nothing" not in spec
@@ -486,7 +487,7 @@ def test_bodies_that_are_moved_by_hand_start_at_the_first_keyframe_too(tmp_path:
     simulation = make(env, worlds=2)
     simulation.reset()
     torch.testing.assert_close(simulation.current_state()["goal_pos"], torch.tensor([[0.1, -0.3, 0.2]] * 2))
-    # (0.3, 0.2, 0.03) is 0.565 m from there, of which a fifth is 0.113 m.
+    # The puck at (0.3, 0.2, 0.03) is 0.565 m from the goal. A fifth of that is 0.113 m.
     assert "REACHED = 0.113" in Path(env.rpartition(":")[0]).read_text()
     expected = [0.0, 1.0, 0.0, 0.0] if turn else [1.0, 0.0, 0.0, 0.0]
     assert simulation.sim.bind("mocap_quat")[1].flatten().tolist() == expected
@@ -531,7 +532,7 @@ def test_odd_models_keep_their_names_ranges_and_pose(tmp_path: Path):
     assert "base turn, joint1" in task.spec["joint_pos"].meaning
     simulation.reset()
     joints = simulation.current_state()["joint_pos"][0]
-    assert joints.tolist() == pytest.approx([0.3, 0.05], abs=0.051)  # the second is kept off its limit
+    assert joints.tolist() == pytest.approx([0.3, 0.05], abs=0.051)  # the second starts 0.05 rad off its limit
     simulation.step(torch.ones(1, 2))
     assert simulation.sim.bind("ctrl")[0].tolist() == [1.0, 1.5]
 

@@ -46,7 +46,7 @@ ARM = """<?xml version="1.0"?>
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Path:
-    """As ROS lays packages out: the description in robots/arm/urdf, meshes in robots/arm/meshes."""
+    """The description in the layout of a ROS package: robots/arm/urdf/arm.urdf, with meshes in robots/arm/meshes."""
     for folder in ("urdf", "meshes"):
         (tmp_path / "robots" / "arm" / folder).mkdir(parents=True)
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.4]], dtype="<f4")
@@ -61,12 +61,12 @@ def arm(tmp_path: Path) -> Path:
 
 def test_joint_limits_become_actuators(arm: Path):
     model = read_urdf(arm).compile()
-    assert [model.actuator(i).name for i in range(model.nu)] == ["shoulder", "roll"]  # no effort, or a follower: none
+    assert [model.actuator(i).name for i in range(model.nu)] == ["shoulder", "roll"]  # none if without effort, or mimic
     servo, motor = model.actuator("shoulder"), model.actuator("roll")
     assert servo.ctrlrange.tolist() == [-1.0, 2.0] and servo.forcerange.tolist() == [-20.0, 20.0]
-    assert servo.gainprm[0] == 80.0  # whole effort at a quarter of a radian
+    assert servo.gainprm[0] == 80.0  # full effort, 20 N m, at an error of 0.25 rad
     assert motor.gear[0] == 5.0 and motor.ctrlrange.tolist() == [-1.0, 1.0]
-    # Full effort against this damping moves at the velocity limit: 20 N m / 4 rad/s, 5 N m / 10 rad/s.
+    # With this damping, full effort moves the joint at its velocity limit: 20 N m / 4 rad/s, 5 N m / 10 rad/s.
     assert model.joint("shoulder").damping.tolist() == [5.0] and model.joint("roll").damping.tolist() == [0.5]
 
 
@@ -177,7 +177,8 @@ INERTIAL = """<inertial><mass value="1"/>
 
 @pytest.mark.parametrize("between", [False, True])
 def test_an_arm_is_not_held_by_the_base_that_it_reaches_into(tmp_path: Path, between: bool):
-    """The upper link begins 2 cm inside the base, as drawings of real arms do, there or beyond a fixed link."""
+    """The collision shape of the first moving link begins 2 cm inside that of the base, as in models of real arms. The
+    link hangs on the base itself or on a link that is fixed to it."""
     parent = "flange" if between else "base"
     (tmp_path / "arm.urdf").write_text(f"""<robot name="arm">
       <link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
@@ -196,13 +197,13 @@ def test_an_arm_is_not_held_by_the_base_that_it_reaches_into(tmp_path: Path, bet
     data = mujoco.MjData(model)
     data.ctrl[:] = [1.0, 0.0]
     mujoco.mj_step(model, data, 2000)
-    assert data.qpos[0] == pytest.approx(1.0, abs=0.15)  # a servo sags under the weight by less than that
+    assert data.qpos[0] == pytest.approx(1.0, abs=0.15)  # the servo sags by less under the weight
     pairs = [set(divmod(signature, 1 << 16)) for signature in model.exclude_signature.tolist()]
-    assert pairs == [{model.body("base").id, model.body("shell").id}]  # what comes after may touch the base
+    assert pairs == [{model.body("base").id, model.body("shell").id}]  # links further out may touch the base
 
 
 def test_what_stands_on_a_floor_stands_there_in_the_pose_that_episodes_begin_in(tmp_path: Path):
-    """The leg's range leaves out the pose as drawn, level; at 0.8 + 0.05 rad its foot is 0.376 m further down."""
+    """The leg is drawn level, which is outside its range. At 0.8 + 0.05 rad its foot is 0.376 m lower."""
     (tmp_path / "leg.urdf").write_text(f"""<robot name="leg">
       <link name="base">{INERTIAL}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
       <link name="leg">{INERTIAL}<collision><origin xyz="0.5 0 0"/>
@@ -216,5 +217,5 @@ def test_what_stands_on_a_floor_stands_there_in_the_pose_that_episodes_begin_in(
     mujoco.mj_kinematics(model, data)
     foot = float(data.geom_xpos[-1, 2])
     assert data.body("base").xpos[2] - foot == pytest.approx(0.376, abs=1e-3)
-    assert 0.05 <= foot < 0.08  # a ball of 5 cm, whose box is turned
+    assert 0.05 <= foot < 0.08  # the foot has a radius of 5 cm, and its bounding box is turned, so it reaches lower
     assert Survey(model).fallen > 0.2

@@ -31,8 +31,8 @@ def director(model: mujoco.MjModel, view: View = ALONG_X) -> Camera:
 
 def test_everything_that_moves_just_fits():
     eye = look(mujoco.MjModel.from_xml_string(TWO_CUBES))
-    # The boxes reach 4 m to either side of (3, 0, 5) and 0.5 m towards the camera. At a field of view of 90 degrees, a
-    # picture is twice as high as it is far, and 4/3 of that wide: the near faces are 4 / (4/3) = 3 m off.
+    # The boxes reach 4 m to either side of (3, 0, 5) and 0.5 m towards the camera. With a field of view of 90 degrees,
+    # a picture at distance d is 2 d high and 4/3 of that wide. So the near faces are 4 / (4/3) = 3 m away.
     assert eye.lookat == pytest.approx([3.0, 0.0, 5.0])
     assert eye.distance == pytest.approx(3.5 * MARGIN)
 
@@ -52,10 +52,10 @@ def test_a_robot_that_can_leave_is_followed_and_two_hands_are_not():
 @pytest.mark.parametrize(
     ("cameras", "chosen"),
     [
-        # The cubes reach 4 m to either side, and 5.5 m high: from 4 / (4/3) = 3 m above that they just fit.
+        # The cubes reach 4 m to either side and up to z = 5.5 m. They just fit from 4 / (4/3) = 3 m above that.
         ('<camera pos="3 0 8.6" euler="0 0 90" fovy="90"/>', 0),
         ('<camera pos="3 0 8.4" euler="0 0 90" fovy="90"/>', None),
-        ('<camera pos="3 0 2" euler="0 0 90" fovy="90"/>', None),  # looks down, and they are above
+        ('<camera pos="3 0 2" euler="0 0 90" fovy="90"/>', None),  # looks down from below the cubes
         ('<camera pos="3 0 90" euler="0 0 90" fovy="90"/>', None),  # 4 / (4/3 * 84.5) of the way to the edge: too small
         ('<camera pos="3 0 2" fovy="90"/><camera pos="3 0 9" euler="0 0 90" fovy="90"/>', 1),
     ],
@@ -98,7 +98,7 @@ def _followed(env: str) -> str | None:
 
 
 def moved(to: float) -> tuple[Camera, mujoco.MjData]:
-    """A driven cart, 0.1 s after it came so much farther along y [m]."""
+    """The camera on a driven cart, and the cart's data, 0.1 s after it jumped to `to` [m] along y."""
     model = mujoco.MjModel.from_xml_string("""
     <mujoco><worldbody><body><joint name="rail" type="slide" axis="0 1 0"/><geom type="box" size=".5 .5 .5"/></body>
     </worldbody><actuator><motor joint="rail"/></actuator></mujoco>
@@ -115,7 +115,7 @@ def moved(to: float) -> tuple[Camera, mujoco.MjData]:
 def test_the_camera_eases_after_what_moves_and_never_lets_it_out():
     found, data = moved(0.5)
     assert 0.0 < found.eye.lookat[1] < 0.5
-    assert found.sees(data) <= 0.99  # with air to the edge
+    assert found.sees(data) <= 0.99  # some space is left to the edge of the picture
     for _ in range(200):
         found.follow(data, 0.1)
     assert found.eye.lookat[1] == pytest.approx(0.5, abs=1e-3)

@@ -21,7 +21,7 @@ from openeureka.types import Dynamics
 
 
 def test_a_picture_fills_the_frame_as_far_as_its_shape_allows():
-    picture = np.arange(2, dtype=np.uint8)[:, None, None].repeat(2, 1).repeat(3, 2) + 1  # a row of 1 over one of 2
+    picture = np.arange(2, dtype=np.uint8)[:, None, None].repeat(2, 1).repeat(3, 2) + 1  # ones above twos
     shown = fitted(picture, 8, 4)
     assert shown.shape == (4, 8, 3)
     assert shown[:, :, 0].tolist() == [[0, 0, 1, 1, 1, 1, 0, 0]] * 2 + [[0, 0, 2, 2, 2, 2, 0, 0]] * 2
@@ -67,4 +67,4 @@ def test_where_nobody_knows_the_masses_nothing_is_played_with_others():
         task.env, {"heavy": policy, "own": policy}, seed=0, episodes=4, dynamics={"heavy": Dynamics(mass=1.1)}
     )
     found = {score.lane: (score.fitness, score.episodes) for score in scores}
-    assert found == {"heavy": (None, 0), "own": (5.0, 4)}  # a pole stands for five steps whatever is done
+    assert found == {"heavy": (None, 0), "own": (5.0, 4)}  # any policy keeps the pole up for five steps

@@ -24,7 +24,7 @@ def test_a_second_of_cartpole_is_a_video_of_one_second(tmp_path):
 def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
     needs_rendering()
     clip = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
-    assert b"avc1" in clip and clip.index(b"moov") < clip.index(b"mdat")  # H.264, played before all of it is there
+    assert b"avc1" in clip and clip.index(b"moov") < clip.index(b"mdat")  # H.264, plays while it loads
     pictures = mp4.frames(clip)
     assert pictures.shape == (3, 720, 1280, 3)
     left, right = np.split(pictures[0].astype(int), 2, axis=1)

@@ -16,7 +16,7 @@ from openeureka.film.viewer import ViewerUnavailable
 
 
 class EndingStage(Stage):
-    """Ctrl-C as soon as the test has seen enough."""
+    """Raises KeyboardInterrupt, as Ctrl-C does, once the test has seen enough."""
 
     def __init__(self) -> None:
         super().__init__("cartpole", "random", 0)
@@ -37,7 +37,7 @@ def free_port() -> int:
 
 
 def listening(port: int) -> set[str]:
-    """Addresses at which the port is open, as the kernel writes them."""
+    """Addresses at which the port is open, in the kernel's hexadecimal form."""
     rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]]
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and row[1].endswith(f":{port:04X}")}
 

@@ -1,4 +1,4 @@
-"""MuJoCo's web viewer answers its own page and loads nothing."""
+"""MuJoCo's web viewer answers its own page only, and loads no files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from openeureka.film import web
 def port() -> Iterator[int]:
     http = socket.socket()
     http.bind((web.LOOPBACK, 0))
-    http.listen()  # who asks before the thread serves waits
+    http.listen()  # so that a client which connects before the thread serves waits
     tcp = web_server.bind_loopback_socket()
     server = web_server.WebServer(http_sock=http, tcp_sock=tcp, mjb_data=b"MODEL", drop_queue=queue.Queue())
     server.start()
@@ -58,7 +58,7 @@ def test_the_page_follows_the_policy(port):
         {"Origin": "http://evil.example"},
         {"Origin": "null"},
         {"Origin": "http://localhost:9000"},  # another server on this machine
-        {"Host": "evil.example"},  # a name that suddenly resolves to this machine
+        {"Host": "evil.example"},  # DNS rebinding: an outside name that resolves to this machine
         {"Host": "localhost.evil.example:8080"},
         {"Host": ""},
     ],
