@@ -1,4 +1,5 @@
-"""A training worker that a generated reward ends, and the human one does not: as with a graph that divides by zero."""
+"""A training worker that dies with SIGFPE of a generated reward, as of an integer division by zero, but trains the
+human one."""
 
 import os
 import signal

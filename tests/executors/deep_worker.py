@@ -1,4 +1,4 @@
-"""The training worker, but its first step of physics is a fault of the task that says how deep it is called."""
+"""The training worker, but its first physics step raises an error that names the package's functions on the stack."""
 
 import sys
 

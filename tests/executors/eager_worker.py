@@ -1,4 +1,4 @@
-"""The training worker, but it reports after every epoch, and leaves a snapshot with each report that asks for one."""
+"""The training worker, but it reports after every epoch, and so may leave a snapshot after every epoch."""
 
 from openeureka.executors import child
 from openeureka.training import population

@@ -1,4 +1,4 @@
-"""A training worker whose evaluation takes longer than the parent would wait for a silent one."""
+"""A training worker whose evaluation takes longer than the parent waits for a silent worker, with signs of life."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""A training worker that the kernel ends whatever it is asked, as a machine without memory does."""
+"""A training worker that is killed at every request, as on a machine that has run out of memory."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The training worker, but it dies once torch's compiler is loaded, which takes a second or two and 70 MB."""
+"""The training worker, but it dies if torch's compiler has been loaded, which takes a second or two and 70 MB."""
 
 import sys
 

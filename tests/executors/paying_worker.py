@@ -1,4 +1,4 @@
-"""A training worker that dies of the program `deadly`."""
+"""A training worker that is asked what programs pay, and dies at the program `deadly`."""
 
 import os
 

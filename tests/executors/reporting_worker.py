@@ -1,4 +1,5 @@
-"""A training worker that says on which device it is asked to train what, and ends as the names of its lanes tell."""
+"""A training worker whose results name the device that it was given. At a lane named `patient...` it waits for a file,
+at one named `deadly...` it dies."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""From `eureka run` to a step of physics: few enough calls to be read."""
+"""From `eureka run` to a physics step: a call stack short enough to read."""
 
 import sys
 from contextlib import nullcontext
@@ -44,6 +44,6 @@ def test_few_calls_of_ours_lie_between_the_command_and_a_step_of_physics(monkeyp
     words = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "threads=1", "video=none", f"dir={tmp_path}"]
     with pytest.raises(SystemExit):
         command.main(["run", *words])
-    # In cli and runs once, then loop, lanes, scheduler, transport.
+    # One call each in cli, runs, loop, lanes, scheduler and transport.
     assert sent[0] == ["run", "search", "run", "train", "train", "call"]
     assert "main _train train step _advance advance step" in capsys.readouterr().err

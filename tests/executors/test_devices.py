@@ -14,13 +14,13 @@ from openeureka.types import LaneSpec, TrainBudget, TrainingEvent, TrainingProgr
 
 @pytest.fixture
 def signal(tmp_path: Path) -> Path:
-    """A file that specs named `patient` wait for."""
+    """The file that lanes named `patient...` wait for."""
     return tmp_path / "signal"
 
 
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
-    """Three GPUs, as far as anyone asks for their number, and workers that only say on which one they are."""
+    """Pretend that there are three GPUs. The workers only report which one they were given."""
     monkeypatch.setattr("openeureka.executors.local.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
@@ -64,7 +64,7 @@ def test_devices_that_are_named_get_a_worker_each():
 
 
 def test_lanes_on_a_cpu_train_side_by_side(monkeypatch: pytest.MonkeyPatch, gpus, signal: Path):
-    # Each of two workers waits until both are at work.
+    # Each of two workers waits until both have reported.
     pids: set[float | None] = set()
     for message in train(["patient0", "patient1", "patient2", "patient3"], "cpu", threads=2):
         if isinstance(message, TrainingProgress):
@@ -121,7 +121,7 @@ def test_a_worker_that_dies_repeats_its_own_lanes_only(gpus):
     assert states == {"a": "finished", "deadly": "failed", "c": "finished", "d": "finished"}
     assert len([message for message in found if isinstance(message, TrainingResult)]) == 4
     workers = {message.fitness.get("d") for message in found if isinstance(message, TrainingProgress)}
-    # With the other device's last word, its worker stays the only one that ever trained d.
+    # The worker of c and d lived on, so no other one ever trained d.
     assert len(workers - {None}) == 1
 
 

@@ -55,7 +55,7 @@ def test_a_lane_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest
 
 
 def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[str, TrainingResult]:
-    """Results of a training whose worker is killed after its first snapshot."""
+    """Results of a training whose worker is killed after its first snapshot, if there is a folder for snapshots."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
     trainer = LocalExecutor(module="interrupted_worker", snapshots=folder, threads=1)
@@ -67,7 +67,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[st
 
 def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     found = interrupted(monkeypatch, tmp_path / "snapshots")
-    assert found == interrupted(monkeypatch, None)  # without snapshots it is never killed
+    assert found == interrupted(monkeypatch, None)  # without snapshots the worker lives
     assert list(tmp_path.iterdir()) == []
 
 
@@ -119,11 +119,11 @@ def test_lanes_without_a_result_go_on_alone_from_the_snapshot_of_all(monkeypatch
     _, first = trained(specs, stop=True)
     assert list(first) == ["angle-0"] and list((tmp_path / "snapshots").glob("*.pt"))
     epochs, rest = trained(specs[1:])
-    assert list(rest) == ["angle-1", "angle-2"] and epochs in ([], [20])  # from the last epoch
+    assert list(rest) == ["angle-1", "angle-2"] and epochs in ([], [20])  # [20]: from the last epoch
     assert list(tmp_path.iterdir()) == []
     _, whole = trained(specs)
     for lane, result in rest.items():
-        assert result.curves.keys() == whole[lane].curves.keys()  # with the parts of components
+        assert result.curves.keys() == whole[lane].curves.keys()  # also the parts of components
         assert result.curves["reward"] == pytest.approx(whole[lane].curves["reward"], rel=1e-3)
         assert result.env_steps == whole[lane].env_steps and len(result.clock) == 20
 
@@ -166,7 +166,7 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
     assert populations("abcdefg") == [["a", "b", "c", "d"], ["e", "f", "g"]]
     snapshot("cartpole", "efg").write(b"state")
     snapshot("ant", "f").write(b"state")
-    snapshot("cartpole", "abcdefg", device="cuda").write(b"state")  # no population on a CPU goes on from it
+    snapshot("cartpole", "abcdefg", device="cuda").write(b"state")  # a CPU cannot continue from it
     assert populations("efg") == [["e", "f", "g"]]
     assert populations("adefg") == [["e", "f", "g"], ["a", "d"]]
     assert populations("aef") == [["e", "f"], ["a"]]  # g has its result
@@ -232,7 +232,7 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypatch: pytest.MonkeyPatch):
-    """As by `docker pause`, or SIGSTOP to a whole job."""
+    """`docker pause`, or SIGSTOP to a whole job, stops both processes."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setattr(transport, "LOOK", 0.1)
 
@@ -246,7 +246,7 @@ def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypa
         if len(workers) == 1 and not naps:
             naps.append(workers[0].process.pid)
             os.kill(naps[0], signals.SIGSTOP)
-            time.sleep(2.5)  # both are stopped, and the worker is the later to wake
+            time.sleep(2.5)  # both processes stand still, and the worker wakes later
             threading.Timer(0.5, os.kill, (naps[0], signals.SIGCONT)).start()
         else:
             wait(fds, timeout)
@@ -308,7 +308,7 @@ def test_a_training_gives_signs_of_life_however_long_its_epochs_are(monkeypatch:
     monkeypatch.setattr(child, "Channel", lambda: channel)
     monkeypatch.setattr(child, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
     child.main()
-    # Its task, its worlds and their start, then each of 16 steps, as if each took seconds.
+    # 19 signs of life: for the task, its worlds, their start and each of 16 steps. By the fake clock, each takes seconds.
     assert said.index(next(header for header in said if header)) == 19
 
 

@@ -1,4 +1,4 @@
-"""What the Ray executor waits for, and how long, on a cluster that is only a list of cores: no process, no actor."""
+"""What the Ray executor waits for, and how long, on a fake cluster: a list of the nodes' cores, with no process."""
 
 import logging
 import signal
@@ -24,11 +24,11 @@ GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, component
 
 
 class Gone(Exception):
-    """What Ray raises for an actor that is gone; here the first node is, too."""
+    """What Ray raises for an actor that is gone. With it, the fake cluster loses its first node."""
 
 
 class Stream:
-    """What an actor says, as soon as a node has its cores and no other actor is at work."""
+    """What an actor says. It begins once a node has the cores that it asks for and no other actor is at work."""
 
     def __init__(self, cluster: "Cluster", cores: int, said: Sequence[Frame | Gone], node: dict[str, Any]) -> None:
         self._cluster, self._cores, self._left = cluster, cores, [Frame({"node": node}), *said]
@@ -58,13 +58,13 @@ class Cluster:
         self.asked: list[int] = []
         """Cores of each actor."""
         self.joining: list[int] = []
-        """Cores of the nodes that join, one with every look from the third on."""
+        """Cores of the nodes that will join: one at each call of `nodes`, from the third call on."""
         self.looks = 0
         self.away: list[str] = []
-        """Nodes that each actor keeps off."""
+        """Which nodes each actor must avoid, in Ray's notation."""
 
     def place(self, away: str) -> dict[str, Any]:
-        """What the node says of itself that takes an actor."""
+        """What the node that takes an actor says of itself."""
         return {"id": "n", "host": "alpha", "token": True, "versions": ray_node.versions()}
 
     def nodes(self) -> list[dict[str, Any]]:
@@ -117,11 +117,11 @@ def test_a_worker_that_hangs_in_an_evaluation_is_given_up(monkeypatch: pytest.Mo
     with pytest.raises(WorkerError, match="did not answer in time"):
         list(trainer.evaluate("cartpole", {"a": b""}, seed=0))
     assert trainer.rewards("cartpole", {"a": GRAPH}, []) == {}
-    assert cluster.asked == [1] * 4  # each was tried once more
+    assert cluster.asked == [1] * 4  # an evaluation and a question, each tried twice
 
 
 def results(number: int, request: Frame) -> list[Frame | Gone]:
-    """What a worker says whose lanes all train."""
+    """What a worker says if all of its lanes train."""
     lanes = [lane.id for lane in unpack_lanes(request)[1]]
     ended = {"state": TrainingState.FINISHED, "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
     return [*(pack(TrainingResult(lane=lane, **ended)) for lane in lanes), Frame({"done": True})]
@@ -137,11 +137,11 @@ def trained(trainer: RayExecutor, lanes: str) -> list[str]:
 
 
 def test_a_search_waits_for_a_node_and_says_so(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture):
-    cluster = Cluster(0, script=results)  # a head that only searches
+    cluster = Cluster(0, script=results)  # a head node without cores
     cluster.joining = [8]
     trainer = executor(cluster, monkeypatch, threads=8)
     assert trained(trainer, "a") == ["a"]
-    cluster.cores, cluster.joining, cluster.looks = [0, 4], [8], 0  # the node left while the model wrote
+    cluster.cores, cluster.joining, cluster.looks = [0, 4], [8], 0  # the node of 8 cores has left
     assert trained(trainer, "b") == ["b"]
     assert cluster.asked == [8, 8]
     assert [record.levelno for record in caplog.records if "waiting for one" in record.message] == [logging.WARNING] * 2
@@ -154,7 +154,7 @@ def test_a_process_that_is_part_of_one_cluster_is_not_told_that_it_joined_anothe
     fake.init = lambda address, **others: joined.append(address)
     monkeypatch.setattr(clusters, "_imported", lambda address: fake)
     monkeypatch.setattr(clusters, "_joined", "")
-    for address in ("local", "local", "127.0.0.1:6379"):  # the last is where the fake one is
+    for address in ("local", "local", "127.0.0.1:6379"):  # the last is the fake cluster's address
         assert clusters.connect(address) is fake
     with pytest.raises(ConfigError, match=r"at address=local: restart it to join 10\.0\.0\.5:6379\."):
         clusters.connect("10.0.0.5:6379")
@@ -162,7 +162,7 @@ def test_a_process_that_is_part_of_one_cluster_is_not_told_that_it_joined_anothe
 
 
 def test_who_handles_sigterm_still_does_once_this_process_is_part_of_a_cluster(monkeypatch: pytest.MonkeyPatch):
-    """Ray's own handler ends the process before its trainings are kept."""
+    """Ray's own handler ends the process before its trainings have left their state."""
     fake = Cluster(4, script=results)
     fake.is_initialized = lambda: False
     fake.init = lambda address, **others: signal.signal(signal.SIGTERM, lambda *_: sys.exit(15))
@@ -205,7 +205,8 @@ def test_a_node_that_cannot_say_what_it_has_is_a_line_of_the_doctor(monkeypatch:
     bare = Gone("ray::about()\nModuleNotFoundError: No module named 'openeureka'")
     answers = [about, about, Gone("Get timed out: some object(s) not ready."), bare]
     monkeypatch.setattr(clusters, "connect", lambda address: Asked())
-    # Ray itself reads once, when it is imported, how a cluster is guarded; other tests in this process have one.
+    # A fake module, so that this test does not import Ray: at its import it reads, once and for all, whether clusters
+    # need a token, and other tests in this process set one.
     strategies = SimpleNamespace(NodeAffinitySchedulingStrategy=lambda node, soft: node)
     monkeypatch.setitem(sys.modules, "ray.util.scheduling_strategies", strategies)
     found = doctor.nodes("auto")
@@ -223,11 +224,11 @@ def test_what_no_node_of_a_cluster_has_is_refused(monkeypatch: pytest.MonkeyPatc
 def test_where_a_large_node_left_its_lanes_go_on_with_the_cores_of_another(monkeypatch: pytest.MonkeyPatch):
     cluster = Cluster(16, 4, script=after_a_loss)
     assert sorted(trained(executor(cluster, monkeypatch), "ab")) == ["a", "b"]
-    assert cluster.asked == [8, 8, 4, 4]  # the second had waited for a place when the node left
+    assert cluster.asked == [8, 8, 4, 4]  # the second waited for a place when the node left
 
 
 class Mixed(Cluster):
-    """Three nodes, of which some have other versions, or say another thing of themselves."""
+    """Three nodes. What `odd` holds for a node, such as other versions, replaces what it says of itself."""
 
     odd: Mapping[str, Mapping[str, Any]]
 
@@ -252,7 +253,7 @@ def test_a_node_with_other_versions_is_left_out(monkeypatch: pytest.MonkeyPatch,
     cluster = mixed({"0": OTHER}, results)
     trainer = executor(cluster, monkeypatch)
     assert trained(trainer, "ab") == ["a", "b"] and trained(trainer, "c") == ["c"]
-    assert cluster.away == ["", "", "!in(0)", "!in(0)", "!in(0)"]  # two had been sent before it said what it runs
+    assert cluster.away == ["", "", "!in(0)", "!in(0)", "!in(0)"]  # two were sent before node 0 told its versions
     (warning,) = (record.message for record in caplog.records)
     assert warning.startswith("Node node-0 runs mujoco 9.9, and this machine mujoco ") and "install the same" in warning
     cluster = mixed(dict.fromkeys("012", OTHER), results)
@@ -298,7 +299,7 @@ def test_on_gpus_the_version_of_what_steps_the_worlds_counts(monkeypatch: pytest
 
     assert refused("cuda", "4.0.0", "4.1.0") and refused("cuda", "4.0.0", "none")
     assert not refused("cpu", "4.0.0", "4.1.0") and not refused("cuda", "4.0.0", "4.0.0")
-    assert not refused("cuda", "none", "4.1.0")  # this machine only searches
+    assert not refused("cuda", "none", "4.1.0")  # this machine only searches: it needs no package for GPUs
 
 
 def test_a_node_with_another_file_of_the_task_is_left_out(tmp_path: Path):
@@ -323,7 +324,7 @@ def test_cores_that_a_person_asked_for_are_waited_for(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ):
     def replaced(number: int, request: Frame) -> list[Frame | Gone]:
-        cluster.joining = [8] * (number - 1)  # once the first is gone, however long that took
+        cluster.joining = [8] * (number - 1)  # joins once the first has left, however late that is
         return after_a_loss(number, request)
 
     cluster = Cluster(8, 4, script=replaced)

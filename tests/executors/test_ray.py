@@ -34,11 +34,11 @@ QUICK = {
     "health_check_failure_threshold": 8,
     "worker_niceness": 0,
 }
-"""A node that hangs is noticed in seconds, and others on this machine do not starve it."""
+"""Ray notices in seconds that a node hangs. Workers have normal priority, so that other programs cannot starve them."""
 
 
 class Nodes:
-    """A cluster whose nodes can be hurt."""
+    """A Ray cluster whose nodes a test may stop or kill."""
 
     def __init__(self) -> None:
         from ray.cluster_utils import Cluster
@@ -50,11 +50,11 @@ class Nodes:
         return str(self._cluster.address)
 
     def join(self) -> int:
-        """The pid of another node's raylet."""
+        """Add a node, and return the pid of its raylet."""
         return self._cluster.add_node(**SIZE).all_processes["raylet"][0].process.pid
 
     def complete(self) -> None:
-        """Three nodes, whatever happened before."""
+        """Add nodes until three are alive."""
         import ray
 
         if not ray.is_initialized():
@@ -64,11 +64,11 @@ class Nodes:
 
     @property
     def mortal(self) -> list[int]:
-        """Pids of the raylets that this process is no part of."""
+        """Pids of the raylets that may be killed: all but the head's, which this process has joined."""
         return [node.all_processes["raylet"][0].process.pid for node in self._cluster.worker_nodes]
 
     def shares(self) -> dict[int, int]:
-        """Pids of actors that train, with that of their raylet."""
+        """The pid of each actor that trains, with the pid of its raylet."""
         own = [*self.mortal, self._cluster.head_node.all_processes["raylet"][0].process.pid]
         stats = {pid: read(Path(f"/proc/{pid}/stat")) for pid in running(b"ray::Share.serve")}
         parents = {pid: int(stat.rpartition(b")")[2].split()[1]) for pid, stat in stats.items() if stat}
@@ -79,18 +79,18 @@ class Nodes:
 
 
 def running(name: bytes) -> list[int]:
-    """Pids of processes with this in their command line."""
+    """Pids of the processes that have `name` in their command line."""
     return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if name in read(folder / "cmdline")]
 
 
 def workers() -> list[int]:
-    """Pids of this cluster's workers: no other one has its token."""
+    """Pids of this cluster's workers. Its token tells them from those of other clusters."""
     token = os.environ["RAY_AUTH_TOKEN"].encode()
     return [pid for pid in running(b"eager_worker") if token in read(Path(f"/proc/{pid}/environ"))]
 
 
 def read(file: Path) -> bytes:
-    """Nothing of a process that has ended."""
+    """A file of /proc; empty if its process has ended."""
     try:
         return file.read_bytes()
     except OSError:
@@ -105,7 +105,7 @@ def nodes() -> Iterator[Nodes]:
         patch.setenv("RAY_AUTH_MODE", "token")
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
-        patch.setattr("openeureka.executors.cluster.FULL", 1)  # a few lanes make two rounds
+        patch.setattr("openeureka.executors.cluster.FULL", 1)  # so that few lanes make two rounds
         import ray
 
         cluster = Nodes()
@@ -122,9 +122,10 @@ def undisturbed() -> list[TrainingResult]:
 
 
 class TestRayExecutor(TrainerConformance):
-    """What every trainer promises is asked of a single node: each share is a process that loads torch.
+    """The conformance tests run on a single node, because every population starts a process that loads torch.
 
-    Not all of it: what a worker is told travels as the same bytes as on this machine, where it is asked.
+    Those set to None are left out: they test what a worker makes of its request. The request has the same bytes as for
+    a worker of this machine, and there they run.
     """
 
     env = "cartpole"
@@ -148,7 +149,7 @@ class TestRayExecutor(TrainerConformance):
         return RayExecutor(threads=1, address=self.nodes.address)
 
     def test_numbers_are_those_of_this_machine_for_the_same_shares(self) -> None:
-        # Four lanes, and six places in two rounds: each trains alone, as with four cores here.
+        # Three nodes have six places in two rounds. So each of the four lanes trains alone, as on four cores here.
         self.nodes.complete()
         here = LocalExecutor(threads=4).train(self.env, self.lanes(), self.budget)
         expected = {message.lane: message for message in here if isinstance(message, TrainingResult)}
@@ -166,7 +167,7 @@ class TestRayExecutor(TrainerConformance):
     def trained(
         self, folder: Path, disturb: Callable[[], object] = lambda: None, count: int = 2
     ) -> list[TrainingProgress | TrainingResult]:
-        """Messages of lanes that are disturbed once there is a snapshot of each that is at work."""
+        """Messages of a training. `disturb` is called once, when two lanes (or the only one) have left a snapshot."""
         trainer = RayExecutor(threads=1, address=self.nodes.address, snapshots=folder / "s", module="eager_worker")
         self.nodes.complete()
         lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(count)]
@@ -260,7 +261,7 @@ class TestRayExecutor(TrainerConformance):
         while first.is_alive() and not self.nodes.shares():
             time.sleep(0.1)
         held, *_ = self.nodes.shares()
-        os.kill(held, signal.SIGSTOP)  # one of its places takes as long as the second search
+        os.kill(held, signal.SIGSTOP)  # one lane of the first takes as long as the second search
         second.start()
         second.join()
         os.kill(held, signal.SIGCONT)
@@ -288,10 +289,10 @@ LAPTOP, BIG = Resources(cores=4), Resources(cores=64)
     [
         ([LAPTOP], 2, 0, (2, 2)),  # both at once, two cores each
         ([LAPTOP], 18, 0, (4, 1)),  # one machine: as many shares as cores
-        ([LAPTOP, BIG], 18, 0, (18, 3)),  # 1 + 21 places of three cores; four would leave 17
+        ([LAPTOP, BIG], 18, 0, (18, 3)),  # 1 + 21 places of three cores; of four cores, only 17
         ([LAPTOP, LAPTOP], 100, 0, (16, 1)),  # two rounds of eight
-        ([Resources(cores=32)] * 8, 18, 0, (18, 10)),  # three a node
-        ([LAPTOP, BIG], 100, 8, (8, 8)),  # the laptop has no eight cores
+        ([Resources(cores=32)] * 8, 18, 0, (18, 10)),  # three places on each node
+        ([LAPTOP, BIG], 100, 8, (8, 8)),  # the laptop has too few cores for a place
         ([LAPTOP], 5, 8, (0, 0)),
         ([Resources(cores=0)], 5, 0, (0, 0)),
         ([Resources(cores=1, memory=0.4e9 + 512 * 0.15e6)], 8, 0, (4, 1)),  # two lanes of 256 worlds fit
@@ -301,9 +302,9 @@ LAPTOP, BIG = Resources(cores=4), Resources(cores=64)
             0,
             (8, 2),
         ),  # 16 would take 16 * (0.4 + 256 * 0.15e-3) = 7.0 GB
-        ([Resources(cores=16, memory=5.6e9)], 16, 1, (16, 1)),  # who says so decides
-        ([Resources(cores=4, memory=0.4e9)], 8, 0, (8, 4)),  # too little for any: one after the other
-        ([Resources(cores=4, memory=0.4e9), BIG], 8, 0, (8, 8)),  # that node takes none
+        ([Resources(cores=16, memory=5.6e9)], 16, 1, (16, 1)),  # threads=1 overrides what memory suggests
+        ([Resources(cores=4, memory=0.4e9)], 8, 0, (8, 4)),  # too little memory for any: one by one
+        ([Resources(cores=4, memory=0.4e9), BIG], 8, 0, (8, 8)),  # the small node takes none
     ],
 )
 def test_lanes_are_dealt_by_what_nodes_have(offers, lanes, threads, expected):
@@ -315,7 +316,7 @@ def test_a_gpu_takes_whole_populations():
     assert shares(offers, 18, 4096, "cuda", 0) == (2, 1)
     assert shares(offers, 40, 4096, "cuda", 0) == (3, 1)  # 16 lanes fill the worlds of one
     assert shares([LAPTOP], 18, 4096, "cuda", 0) == (0, 0)
-    assert shares([Resources(cores=0, gpus=8)], 18, 4096, "cuda", 0) == (0, 0)  # an actor takes a core
+    assert shares([Resources(cores=0, gpus=8)], 18, 4096, "cuda", 0) == (0, 0)  # an actor needs a core, too
     assert shares([Resources(cores=3, gpus=8)], 18, 4096, "cuda", 16) == (3, 16)
 
 

@@ -1,4 +1,4 @@
-"""Whose turn it is, and what is tried again, with workers that are only scripts: no process, no physics."""
+"""Which population is next, and what is tried again, with scripted workers: no process, no physics."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -28,7 +28,7 @@ from openeureka.worker import Frame
 DONE = Frame({"done": True})
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
 Said = Iterator[Frame | Exception]
-"""What a worker says, until it waits for ever; an exception is its end."""
+"""What a worker says before it falls silent for ever; an exception is its death."""
 
 
 class ScriptedCall:
@@ -39,7 +39,7 @@ class ScriptedCall:
 
     def receive(self) -> Frame:
         found, self.coming = self.coming, next(self.said, None)
-        assert found is not None, "a call is received that has nothing to say"
+        assert found is not None, "`receive` is called on a worker that is silent"
         if isinstance(found, Exception):
             raise found
         return found
@@ -53,7 +53,7 @@ class ScriptedCall:
 
 
 class Scripted:
-    """A `Transport` whose workers say what a function of the names of their lanes gives."""
+    """A `Transport` whose workers follow a script: a function of the names of their lanes."""
 
     def __init__(self, script: Callable[[list[str]], Said]) -> None:
         self.script = script
@@ -68,7 +68,7 @@ class Scripted:
 
     def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
         ready = [call for call in calls if call.coming is not None]
-        assert ready or timeout is not None, "nobody will ever say anything"
+        assert ready or timeout is not None, "all workers are silent for ever"
         return ready
 
 
@@ -83,7 +83,7 @@ def progress(names: Sequence[str]) -> Frame:
 
 
 def until(name: str) -> Callable[[list[str]], Said]:
-    """Workers that give one result after the other, and end at this lane."""
+    """A script by which workers give one result after the other, and die at this lane."""
 
     def script(names: list[str]) -> Said:
         for lane in names:
@@ -97,7 +97,7 @@ def until(name: str) -> Callable[[list[str]], Said]:
 
 
 def errands(*names: str, folder: Path | None = None, generated: bool = False) -> list[Errand]:
-    """One of lanes `a` and `b` for `ab`."""
+    """An errand for each name: `ab` is one with the lanes `a` and `b`."""
     program = GRAPH if generated else "human"
     return [
         Errand("cartpole", [LaneSpec(id=name, program=program) for name in of], TrainBudget(), folder) for of in names
@@ -105,7 +105,7 @@ def errands(*names: str, folder: Path | None = None, generated: bool = False) ->
 
 
 def trained(transport: Scripted, shares: Sequence[Errand], devices: str = "0") -> list[str]:
-    """Lanes in the order of their results; those that failed with a `!`."""
+    """Lanes in the order of their results, those that failed with a `!`."""
     found = train(transport, shares, [Seat(device, 1) for device in devices])
     results = [message for message in found if isinstance(message, TrainingResult)]
     assert all(call.closed for call in transport.calls)
@@ -120,13 +120,13 @@ def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
 
     assert dealt([], 3) == ["abc", "def", "g"]
     assert dealt(["fb"], 3) == ["fb", "acd", "eg"]
-    assert dealt(["ax", ""], 1) == ["a", "bcdefg"]  # x has its result; a snapshot of nothing is no population
+    assert dealt(["ax", ""], 1) == ["a", "bcdefg"]  # x has its result; an empty group is none
     assert dealt(["abcd", "efg"], 1) == ["abcd", "efg"]
 
 
 def test_a_free_slot_takes_the_next_population():
     transport = Scripted(until("nobody"))
-    # Each round every worker says one thing. The first seat is free in the second round, and again in the fourth.
+    # In each round, every worker says one thing. The first seat is free in the second round, and again in the fourth.
     assert trained(transport, errands("a", "bcdef", "g", "h"), "01") == ["a", "b", "c", "d", "g", "e", "f", "h"]
     assert [(device, "".join(names)) for device, names in transport.asked] == [
         ("0", "a"), ("1", "bcdef"), ("0", "g"), ("0", "h"),
@@ -139,7 +139,7 @@ def test_progress_of_one_population_after_another_counts_on():
 
     found = train(Scripted(script), errands("a", "b"), [Seat("0", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
-    assert [(m.epoch, m.epochs) for m in seen] == [(1, 4), (3, 4)]  # half of a training, then one and a half of two
+    assert [(m.epoch, m.epochs) for m in seen] == [(1, 4), (3, 4)]  # means of (2, 0) and of (4, 2)
 
 
 def test_what_ends_a_worker_is_tried_together_once_more_then_alone():
@@ -161,14 +161,14 @@ def test_a_machine_that_leaves_is_no_attempt_of_its_lanes():
         yield from (*map(result, names[1:]), DONE)
 
     transport = Scripted(script)
-    assert trained(transport, errands("abc")) == ["a", "b", "c"]  # each once, who tells it again
+    assert trained(transport, errands("abc")) == ["a", "b", "c"]  # each is told once, though a is repeated
     assert [names for _, names in transport.asked] == [["a", "b", "c"]] * (LOSSES + 1)
 
 
 def test_machines_that_leave_one_after_the_other_count_at_last():
     transport = Scripted(lambda names: iter([WorkerLost("It left.")]))
     assert trained(transport, errands("ab")) == ["a!", "b!"]
-    assert len(transport.asked) == LOSSES + 2 + 2  # the last loss counts as one of two attempts together, then alone
+    assert len(transport.asked) == LOSSES + 2 + 2  # after LOSSES free ones: two together, each alone
 
 
 def test_progress_adds_up_over_the_shares_of_a_node():
@@ -195,7 +195,7 @@ def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():
 
 
 class Sick(Scripted):
-    """Its first device ends every worker."""
+    """Every worker on device 0 dies."""
 
     def call(self, request: Frame, seat: Seat) -> ScriptedCall:
         call = super().call(request, seat)
@@ -208,12 +208,13 @@ def test_what_died_on_one_device_is_tried_on_another():
     transport = Sick(until("nobody"))
     assert sorted(trained(transport, errands("ab", "cd", "ef", "g"), "01")) == ["a", "b", "c", "d", "e", "f", "g"]
     on_the_sick = [names for device, names in transport.asked if device == "0"]
-    assert on_the_sick == [["a", "b"], ["e", "f"], ["g"]]  # each once
+    assert on_the_sick == [["a", "b"], ["e", "f"], ["g"]]  # each was tried there only once
 
 
 @pytest.mark.parametrize(("devices", "tried"), [("01", "0101"), ("10", "10101"), ("012", "0121"), ("00", "0000")])
 def test_the_machine_is_at_fault_where_the_human_reward_trains_on_no_device(devices: str, tried: str):
-    """A lane that ends its workers is no other device's fault; where one device is sick, another one judges."""
+    """Where one device is sick, the human reward trains on another one. Deaths that the lane may have caused do not
+    count against a device."""
     rewards = Sick(lambda names: until("x")(names) if names != ["control"] else until("nobody")(names))
     if devices == "00":
         with pytest.raises(WorkerError, match="It was killed"):
@@ -224,7 +225,7 @@ def test_the_machine_is_at_fault_where_the_human_reward_trains_on_no_device(devi
 
 
 def test_what_reported_before_it_died_waits_for_no_other_device():
-    """That may be at work for hours."""
+    """The other device may be at work for hours."""
     left = iter([WorkerError("It was killed.")])
 
     def script(names: list[str]) -> Said:
@@ -304,12 +305,13 @@ def test_a_state_from_which_a_worker_went_on_is_kept_when_it_dies_before_the_nex
 
 
 def test_a_state_is_removed_once_two_workers_died_of_it_and_not_before(tmp_path: Path):
-    """The first may have died of a GPU that another program held; where two do, the state is at fault, and no lane."""
+    """The first may have died of something else, such as a GPU that another program held. After two deaths the state
+    is at fault, not a lane."""
     died = WorkerError("It was killed.")
     said: list[tuple[str, bytes | None, list[Frame | Exception]]] = [
         ("ab", None, [Frame({}, {SNAPSHOT: b"of hours"}), died]),
         ("ab", b"of hours", [died]),
-        ("a", b"of hours", [progress("a"), died]),  # it can be read, so the death before was not its doing
+        ("a", b"of hours", [progress("a"), died]),  # it can be read, so it did not cause the last death
         ("b", b"of hours", [died]),
     ]
     again = [*said[:2], ("a", b"of hours", [died]), ("a", None, [result("a"), DONE]), ("b", None, [died])]
@@ -332,7 +334,7 @@ def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     class Interrupted(Scripted):
         def call(self, request: Frame, seat: Seat) -> ScriptedCall:
             call = super().call(request, seat)
-            call.stop = lambda: None  # its training is over
+            call.stop = lambda: None  # its training is over, so it has no snapshot to send
             return call
 
         def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
@@ -361,7 +363,7 @@ def test_a_full_disk_costs_a_snapshot_and_no_training(tmp_path: Path, monkeypatc
     def failing(names: list[str]) -> Said:
         yield TaskError("The task is at fault.") if names == ["a"] else state
 
-    with pytest.raises(TaskError):  # also where the last snapshots find the disk full
+    with pytest.raises(TaskError):  # not a StoreError, though the disk is full for the last snapshots
         trained(Scripted(failing), errands("a", "b", folder=tmp_path / "snapshots"), "01")
     transport = Scripted(lambda names: iter([progress(names)]))
     stream = train(transport, errands("a", folder=tmp_path / "snapshots"), [Seat("0", 1)])
@@ -371,7 +373,7 @@ def test_a_full_disk_costs_a_snapshot_and_no_training(tmp_path: Path, monkeypatc
 
 
 def test_a_worker_that_dies_further_than_the_ones_before_costs_no_attempt(tmp_path: Path):
-    """In days of training it may be killed time and again, by no lane of its own."""
+    """In days of training, a worker may be killed more than once through no fault of its lanes."""
 
     def at(epoch: int) -> Frame:
         return pack(TrainingProgress(epoch=epoch, epochs=900, env_steps_per_second=1.0, fitness={"a": None, "b": None}))
@@ -382,10 +384,10 @@ def test_a_worker_that_dies_further_than_the_ones_before_costs_no_attempt(tmp_pa
     died = WorkerError("It was killed.")
     said: list[list[Frame | Exception]] = [
         [at(100), state(), at(150), died],  # the first of two attempts together
-        [at(101), at(200), state(), at(201), died],  # beyond 150
-        [at(300), state(), died],  # beyond 201
-        [at(301), died],  # beyond 300, and left nothing from there: the second attempt
-        [at(301), died],  # alone
+        [at(101), at(200), state(), at(201), died],  # left a state from beyond 150: not counted
+        [at(300), state(), died],  # from beyond 201: not counted
+        [at(301), died],  # beyond 300, but left no state from there: the second attempt
+        [at(301), died],  # a alone
     ]
     (errand,) = errands("ab", folder=tmp_path / "snapshots")
     asked: list[list[str]] = []
@@ -420,7 +422,7 @@ def test_a_worker_may_end_its_epoch_before_it_leaves_its_state(monkeypatch: pyte
 def test_who_is_silent_for_longer_than_its_time_is_left_behind():
     class Polled(Scripted):
         def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
-            if calls == self.calls[1:] and not said:  # the first is not waited for any longer
+            if calls == self.calls[1:] and not said:  # the first call has run out of time
                 said.append(ScriptedCall.stop(calls[0]))
             return [call for call in calls if call.coming is not None]
 
@@ -433,7 +435,7 @@ def test_who_is_silent_for_longer_than_its_time_is_left_behind():
 
 
 def test_lanes_that_are_tried_one_by_one_go_on_from_the_state_of_all(tmp_path: Path):
-    """It stays until the last of them has begun; then nothing is left."""
+    """Their common state stays until the last of them has begun. At the end no file is left."""
     folder = tmp_path / "snapshots"
     (errand,) = errands("abc", folder=folder)
     state = [b"of all", b"of all, later", b"of a alone"]
