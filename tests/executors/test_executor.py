@@ -308,7 +308,7 @@ def test_a_training_gives_signs_of_life_however_long_its_epochs_are(monkeypatch:
     monkeypatch.setattr(child, "Channel", lambda: channel)
     monkeypatch.setattr(child, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
     child.main()
-    # 19 signs of life: for the task, its worlds, their start and each of 16 steps. By the fake clock, each takes seconds.
+    # Signs of life: for the task, its worlds, their start and each of 16 steps. On the fake clock each takes seconds.
     assert said.index(next(header for header in said if header)) == 19
 
 

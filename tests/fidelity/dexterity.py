@@ -15,7 +15,7 @@ import numpy as np
 from .raw import Array, Worlds, about, angle_between, conj, euler, mul, norm, to_unit_range, turn
 
 FINGERS = ("ff", "mf", "rf", "lf", "th")
-# Bodies and joints of one hand in the order of the MJCF file, which is that of every array.
+# Bodies and joints of one hand in the order of the MJCF file. All arrays have this order.
 BODIES = (
     "hand mount", "forearm", "wrist", "palm",
     "ffknuckle", "ffproximal", "ffmiddle", "ffdistal", "mfknuckle", "mfproximal", "mfmiddle", "mfdistal",
@@ -30,14 +30,15 @@ JOINTS = (
 LOWER = np.array([-0.489, -0.698, *[-0.349, 0, 0, 0] * 3, 0, -0.349, 0, 0, 0, -1.047, 0, -0.209, -0.524, -1.571])
 UPPER = np.array([0.140, 0.489, *[0.349, *[1.571] * 3] * 3, 0.785, 0.349, *[1.571] * 3, 1.047, 1.222, 0.209, 0.524, 0])
 MOUNT = mul(about((1, 0, 0), pi / 2), about((0, 0, 1), pi))
-"""Of the hand's MJCF file, which the original keeps: intrinsic turns about x, then z."""
+"""Orientation of the hand in its MJCF file, which the original keeps: intrinsic rotations about x, then z."""
 UPRIGHT = np.array([0, 0, 0, 1.0])
 LINK = euler(pi / 2, 0, -pi / 2)  # the fixed joint between base and link_1 of every PartNet file
 
 
 @dataclass(frozen=True)
 class Moving:
-    """A link: its joint's name here, kind, origin and axis in link_1 or link_0, the link that the others hang on."""
+    """A moving link: its joint's name in our model, its kind, and its origin and axis in the frame of the link that all
+    moving links hang on (link_1 or link_0)."""
 
     joint: str
     origin: tuple[float, float, float]
@@ -74,7 +75,7 @@ def rows(w: Worlds, name: str, kind: str) -> Array:
     body = base.copy()
     body[:, 3:7] = mul(base[:, 3:7], LINK)
     found = [base, body]
-    if kind == "bottle":  # slides along y and then turns about it; the massless helper between has its place
+    if kind == "bottle":  # the cap slides along y and turns about it; a massless link between has the cap's pose
         origin = np.array((0.007005959241653967, 0, 0.007542109902568375))
         up, slide, spin = np.array((0, 1.0, 0)), w.angle("bottle_cap_slide"), w.angle("bottle_cap_turn")
         rates = np.outer(w.rate("bottle_cap_slide"), up), np.outer(w.rate("bottle_cap_turn"), up)
@@ -91,7 +92,7 @@ def rows(w: Worlds, name: str, kind: str) -> Array:
 
 
 def place(parent: Array, offset: Array, spin: Array, slides: Array, spins: Array) -> Array:
-    """State of a link from its parent's (N, 13): offset, turn and rates of both in the parent's frame."""
+    """State (N, 13) of a link from that of its parent: offset, rotation and the rates of both in the parent's frame."""
     rot = parent[:, 3:7]
     arm = turn(rot, np.broadcast_to(offset, (len(parent), 3)))
     linvel = parent[:, 7:10] + np.cross(parent[:, 10:], arm) + turn(rot, slides)
@@ -102,7 +103,7 @@ def place(parent: Array, offset: Array, spin: Array, slides: Array, spins: Array
 
 @dataclass(frozen=True)
 class Original:
-    """What one task's code says.
+    """What the original code of one task says.
 
     `handles`: row of rigid_body_states and offset in that body's frame, by the name of the variables.
     `judge`: reward, failure and success of every world, from state variables.
@@ -128,7 +129,7 @@ class Original:
     position_noise: float = 0.0
     marker: tuple[tuple[float, float, float], Array] | None = None
     posed_goals: tuple[str, ...] = ("goal",)
-    """Goals of which also the whole pose is shown."""
+    """Goals whose whole pose is a state variable, too."""
     exposed: tuple[str, ...] = ("object",)
     padding: int = 0
 
@@ -190,7 +191,7 @@ def state(task: Original, w: Worlds, actions: Array, goals: Mapping[str, Array])
                 s[f"{side}_hand_{finger}_pos"] = end[:, :3] + turn(end[:, 3:7], np.tile((0, 0, 0.02), (w.count, 1)))
                 s[f"{side}_hand_{finger}_rot"] = end[:, 3:7]
         if not task.fixed:
-            s |= {f"{side}_base_pos": hand[:, 0, :3], f"{side}_base_rot": hand[:, 0, 3:7]}  # ours: observed, so shown
+            s |= {f"{side}_base_pos": hand[:, 0, :3], f"{side}_base_rot": hand[:, 0, 3:7]}  # ours: rewards see it, too
     for name, (row, offset) in task.handles.items():
         body = bodies[:, row]
         pos = body[:, :3] + turn(body[:, 3:7], np.tile(offset, (w.count, 1)))
@@ -204,7 +205,7 @@ def state(task: Original, w: Worlds, actions: Array, goals: Mapping[str, Array])
 
 
 def observation(task: Original, s: Mapping[str, Array]) -> Array:
-    """obs_buf, with what is derived from `s` alone."""
+    """obs_buf, from the state variables `s` alone."""
     per_hand = []
     for number, (side, tips) in enumerate((("right", "fingertip_state"), ("left", "fingertip_another_state"))):
         dofs, wrenches = slice(24 * number, 24 * number + 24), slice(30 * number, 30 * number + 30)
@@ -238,7 +239,7 @@ def observation(task: Original, s: Mapping[str, Array]) -> Array:
 
 
 def fingers(s: Mapping[str, Array], side: str, point: Array) -> Array:
-    """Sum of the five distances."""
+    """(N,) Sum of the distances of five fingertips from a point [m]."""
     return sum((norm(point - s[f"{side}_hand_{finger}_pos"]) for finger in FINGERS), np.zeros(len(point)))
 
 
@@ -276,7 +277,7 @@ def two_catch(s):
 
 def re_orientation(s):
     (d1, t1), (d2, t2) = gap(s), gap(s, "object_another", "goal_another")
-    hit = (t1 < 0.1) | (t2 < 0.1)  # ours: the published test of the first cube is overwritten
+    hit = (t1 < 0.1) | (t2 < 0.1)  # ours: the original overwrites its test of the first cube
     failed = (s["object_pos"][:, 2] <= 0.2) | (s["object_another_pos"][:, 2] <= 0.2)
     effort = (s["actions"] ** 2).sum(axis=-1)
     reward = -10 * d1 - 10 * d2 + 1 / (t1 + 0.1) + 1 / (t2 + 0.1) - 0.0002 * effort + 500 * hit
@@ -349,7 +350,7 @@ def stack(s):
 
 def scissors(s):
     right, left = reaches(s, "scissors_right_handle_pos", "scissors_left_handle_pos")
-    q = s["scissors_hinge"]  # not shown to rewards: the simulator's
+    q = s["scissors_hinge"]  # from the simulator: rewards do not see it
     up = np.where((right < 0.7) & (left < 0.7), 5 * (0.59 + q), 0)
     return 2 + up - right - left, (up < -0.5) | (right >= 1.75) | (left >= 1.75), q > -0.3
 
@@ -357,7 +358,7 @@ def scissors(s):
 def switch(s):
     right, left = reaches(s, "switch_right_handle_pos", "switch_left_handle_pos")
     sunk = 1.4 - (s["switch_right_handle_pos"][:, 2] + s["switch_left_handle_pos"][:, 2])
-    return 2 - right - left + 50 * sunk, np.zeros(len(sunk), bool), sunk > 0.012  # ours: 0.05 is out of reach
+    return 2 - right - left + 50 * sunk, np.zeros(len(sunk), bool), sunk > 0.012  # ours: 0.05 cannot be reached
 
 
 def pen(s):
@@ -496,7 +497,8 @@ EDGES: Mapping[str, Callable[[Mapping[str, Array], float], list[dict[str, Array]
         for kind in ("open_inward", "open_outward", "close_inward", "close_outward")
     },
 }
-# Sums of finger distances (of palms in LiftUnderarm and for the bottle) at which a reward or an end sets in.
+# Sums of finger distances (of palms in LiftUnderarm and for the bottle) at which a reward term or the end of the
+# episode sets in.
 REACHES: Mapping[str, tuple[float, ...]] = {
     "shadow_hand_lift_underarm": (0.08, 0.2), "shadow_hand_door_open_inward": (0.5, 1.5),
     "shadow_hand_door_open_outward": (0.5, 1.5), "shadow_hand_door_close_inward": (0.5, 1.5),
@@ -540,7 +542,7 @@ def handled(name: str) -> tuple[str, ...]:
     return f"{name}_right_handle_pos", f"{name}_left_handle_pos"
 
 
-# Start heights of what the original puts inside a table or a palm are ours.
+# Ours: the start heights of things that the original puts inside a table or a palm.
 ORIGINALS: Mapping[str, Original] = {
     "shadow_hand_over": Original(
         75, 398, starts={"object": ((0, -0.39, 0.555), None)}, goals={"goal": ((0, -0.64, 0.54), None)},

@@ -1,6 +1,6 @@
-"""What a simulator holds, read from MuJoCo itself, and the originals' arithmetic in NumPy, in double precision.
+"""The simulator's state, read from MuJoCo itself, and the originals' arithmetic in NumPy, in double precision.
 
-Nothing here uses the code under test but to make a world and to put it into a state.
+The code under test serves only to make worlds and to put them into a state.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def unit(value: Array) -> Array:
 
 
 def mul(a: Array, b: Array) -> Array:
-    """Quaternions x, y, z, w: the turn by b, then by a."""
+    """Product of quaternions x, y, z, w: the rotation by b, then by a."""
     a, b = np.broadcast_arrays(a, b)
     (ax, ay, az, aw), (bx, by, bz, bw) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack(
@@ -84,7 +84,7 @@ def prepared(env: str, worlds: int, steps: int = 3, seed: int = 3) -> BatchedEnv
 
 
 def put(simulation: BatchedEnv, joints: Mapping[str, Array]) -> None:
-    """Write joint positions (N, .) (of a free joint: position, quaternion x y z w) and take them over."""
+    """Write joint positions (N, .) (of a free joint: position, quaternion x y z w); update what follows from them."""
     qpos = simulation.sim.bind("qpos")
     for name, value in joints.items():
         start = int(simulation.sim.model.joint(name).qposadr[0])
@@ -118,7 +118,7 @@ class Worlds:
         return np.stack(states)
 
     def angle(self, joint: str) -> Array:
-        """(N,) of a hinge or slide."""
+        """(N,) Position of a hinge or slide."""
         return self.field("qpos")[:, self.model.joint(joint).qposadr[0]]
 
     def rate(self, joint: str) -> Array:
@@ -142,7 +142,7 @@ class Worlds:
                 local = np.zeros(6)
                 mujoco.mj_contactForce(self.model, data, number, local)
                 axes = contact.frame.reshape(3, 3).T
-                sign = 1.0 if bodies[1] == index else -1.0  # MuJoCo gives what acts on the second of the pair
+                sign = 1.0 if bodies[1] == index else -1.0  # MuJoCo gives the force on the second geom
                 force, torque = sign * axes @ local[:3], sign * axes @ local[3:]
                 torque = torque + np.cross(contact.pos - data.xpos[index], force)
                 found[world] += np.concatenate((rotation.T @ force, rotation.T @ torque))
@@ -152,7 +152,8 @@ class Worlds:
 def differences(
     spec: StateSpec, found: Mapping[str, Any], expected: Mapping[str, Any], tolerance: Mapping[str, float] | None = None
 ) -> list[str]:
-    """State variables that are missing, too many, or not what they should be. Of a quaternion either sign will do."""
+    """State variables that are missing, not expected, or of other values than expected. A quaternion may have either
+    sign."""
     wrong = [f"{name} is not expected" for name in spec.names if name not in expected and name != "obs_buf"]
     for name, value in expected.items():
         if name not in found:
@@ -174,7 +175,7 @@ def differences(
 
 
 def same_signs(got: Array, value: Array) -> Array:
-    """Quaternions in the columns of a pose or state, with the signs of those they are compared with."""
+    """`got`, but quaternions in the columns of a pose or state have the signs of those in `value`."""
     width = value.shape[-1] if value.ndim > 1 else 0
     columns = {4: slice(0, 4), 7: slice(3, 7), 13: slice(3, 7)}.get(width)
     if columns is None:

@@ -29,7 +29,7 @@ def everywhere(*values: float) -> Array:
 
 
 def each(read: Any, names: Any) -> Array:
-    """(N, len(names)) of a reader of joints."""
+    """(N, len(names)): what a function of one joint's name returns for each of them."""
     return np.stack([read(name) for name in names], axis=1)
 
 
@@ -57,14 +57,15 @@ class Published:
         raise NotImplementedError
 
     def judge(self, s: State) -> tuple[Array, Array, Array]:
-        """Human reward, failure, and F's part: a value of each step, or whether the goal is reached."""
+        """Human reward, failure, and the step's part of F: its value, or whether the goal is reached."""
         raise NotImplementedError
 
     def variants(self, s: State) -> list[dict[str, Array]]:
         return [dict(s)]
 
     def edges(self, s: State, f: float) -> list[dict[str, Array]]:
-        """What is different a little below or above each bound, for f a little below or above 1."""
+        """For each bound, the variables that change in a state on one side of it (f a little below 1) or on the other
+        (f a little above 1)."""
         raise NotImplementedError
 
 
@@ -136,7 +137,7 @@ class BallBalance(Published):
     steps = 499
     joints = tuple(f"{part}_leg_joint{index}" for index in range(3) for part in ("upper", "lower"))
 
-    def poses(self, w):  # on the table, which is in motion, then beside it
+    def poses(self, w):  # the ball is on the table, which moves; in the last worlds it has fallen
         height = np.where(WAY < 0.7, 0.665, 0.6 - 0.6 * WAY)
         return {"ball": root(np.stack((0.3 * WAY - 0.1, 0.2 - 0.3 * WAY, height), axis=1), everywhere(0, 0, 0, 1))}
 
@@ -144,7 +145,7 @@ class BallBalance(Published):
         tray, ball, wrench = w.body("tray"), w.body("ball"), w.wrench("tray")
         angles, rates = each(w.angle, self.joints), each(w.rate, self.joints)
         rim = np.array([(0.4 * np.cos(a), 0.4 * np.sin(a), 0) for a in (0, 2 * pi / 3, 4 * pi / 3)])
-        forces = np.repeat(wrench[:, None, :3], 3, axis=1)  # ours: of the contacts alone
+        forces = np.repeat(wrench[:, None, :3], 3, axis=1)  # ours: contact forces alone
         torques = wrench[:, None, 3:] - np.cross(rim[None], forces)
         normal = turn(tray[:, 3:7], everywhere(0, 0, 1))
         return {
@@ -181,7 +182,7 @@ class Runner(Published):
     heights: tuple[float, float]
     fall: float
     bend: float
-    """Of a joint's range, from -1 to 1, beyond which it is penalised."""
+    """Position of a joint in its range, from -1 to 1, beyond which it is penalised."""
 
     def poses(self, w):
         low, high = self.heights
@@ -434,7 +435,8 @@ class FrankaCabinet(Published):
         return np.concatenate((*joints, to_handle, *drawer), axis=1)
 
     def variants(self, s):
-        """As it is; the hand at the handle with fingers above and below; beside it; a finger through the drawer."""
+        """The state as it is; the hand at the handle, with fingers above and below it; the hand beside the handle; a
+        finger through the drawer."""
         found = [dict(s)]
         for left, right, aside, through in ((0.02, -0.03, 0.0, 0), (-0.01, -0.03, 0.1, 0), (0.02, -0.03, 0.0, 0.05)):
             v, handle = dict(s), s["drawer_grasp_pos"]
@@ -488,7 +490,8 @@ class InHand(Published):
     weight = -10.0
 
     def poses(self, w):
-        """Beside its goal in place, at the goal in orientation, and out of reach."""
+        """The object is off its goal orientation by 0 to 3.1 rad and moved by up to 0.1 m; in the last two worlds it is
+        out of reach."""
         goal, start = w.body("goal")[:, 3:7], w.body("object")[:, :3]
         off = np.array([0.0, 0.05, 0.099, 0.15, 0.19, 0.25, 1.0, 2.0, 3.1])
         position = start + np.stack((0 * WAY, 0.1 * WAY, np.where(WAY > 0.85, 0.4, 0.0)), axis=1)
@@ -498,7 +501,7 @@ class InHand(Published):
         raise NotImplementedError
 
     def state(self, w, task, before):
-        held, goal = w.body("object"), w.body("goal")[:, 3:7]  # ours: a picture of the goal turns like it
+        held, goal = w.body("object"), w.body("goal")[:, 3:7]  # ours: a marker shows the goal's orientation
         goal = np.concatenate((everywhere(*self.goal), goal, np.zeros((N, 6))), axis=1)
         mount = np.tile(np.concatenate((*self.mount, np.zeros(6))), (N, 1))
         lower, upper = self.limits
@@ -583,7 +586,7 @@ class ShadowHand(InHand):
 
 class Spin(ShadowHand):
     goal = (0, -0.39, 0.48)
-    tolerance = 0.156  # ours: the true angle that 0.2 rad between quaternions of unequal length allow
+    tolerance = 0.156  # ours: the true angle that the original, with quaternions of unequal length, takes for 0.2 rad
     weight = 0.1
 
 

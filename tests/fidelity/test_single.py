@@ -43,7 +43,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 
 def test_state_variables_are_the_originals(case: Case) -> None:
-    # Contact forces are those of an iterative solver, near pi an angle is steep in its sine, and float32 holds
+    # Contact forces come from an iterative solver, an angle near pi depends steeply on its sine, and float32 resolves
     # potentials of 60,000 to 4e-3.
     loose = {"vec_sensor_tensor": 1e-2, "contact_forces": 1e-2, "sensor_forces": 1e-2, "sensor_torques": 1e-2,
              "dof_force_tensor": 1e-4, "torques": 1e-4, "rotation_distance": 1e-3, "table_tilt": 1e-4}  # fmt: skip
@@ -51,7 +51,8 @@ def test_state_variables_are_the_originals(case: Case) -> None:
 
 
 def doubled(case: Case) -> dict[str, Array]:
-    """The variables found, which are the expected ones, with the rounding that observation and reward start from."""
+    """The variables found, as doubles: observation and reward are computed from these float32 values, so the expected
+    ones are, too."""
     return {
         name: value.double().numpy() if isinstance(value, torch.Tensor) else value for name, value in case.found.items()
     }

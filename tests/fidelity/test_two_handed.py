@@ -18,11 +18,12 @@ from .dexterity import EDGES, FINGERS, LOWER, MOUNT, ORIGINALS, REACHES, UPPER, 
 from .raw import Array, Worlds, about, conj, differences, euler, mul, norm, prepared, put, same_signs, turn
 
 N = 9
-# From the start to the end of what the task is about; the last world has dropped what it holds.
+# How far each world is on the way from the start to success. In the last world, things have been dropped.
 WAY = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.0])
 DROPPED = 0.05  # [m]
 
-# Where things have to be, and how they have to be turned, for the task to be done.
+# Position and orientation of things with which the task is done. The orientation is a quaternion, that of a goal, or
+# None for the one at the start.
 ENDS: Mapping[str, Mapping[str, tuple[tuple[float, float, float], Any]]] = {
     "shadow_hand_over": {"object": ((0, -0.64, 0.54), "goal")},
     "shadow_hand_catch_underarm": {"object": ((0, -0.79, 0.54), "goal")},
@@ -41,9 +42,9 @@ ENDS: Mapping[str, Mapping[str, tuple[tuple[float, float, float], Any]]] = {
     "shadow_hand_swing_cup": {"object": ((0, 0, 0.7), about((0, 0, 1), 1.5 * np.pi))},
     "shadow_hand_grasp_and_place": {"block": ((0, 0.2, 0.66), None)},
     "shadow_hand_block_stack": {"object": ((0, 0, 0.625), None), "block": ((0, 0, 0.675), None)},
-    "shadow_hand_kettle": {"bucket": ((0, -0.2, 0.644), None)},  # its point is 0.1 m below, the spout at z = 0.544
+    "shadow_hand_kettle": {"bucket": ((0, -0.2, 0.644), None)},  # its handle point is 0.1 m lower, at the spout
 }
-# Joints of things and what they go through.
+# Joints of things, with their positions at the start and at the end.
 SWEEPS: Mapping[str, tuple[float, float]] = {
     "door_right_hinge": (0, 1.57), "door_left_hinge": (0, 1.5), "pot_lid": (0, 0.05), "cup_lid": (0, 0.1),
     "kettle_lid": (0, 0.03), "bottle_cap_slide": (0, 0.06), "bottle_cap_turn": (0, 1), "pen_cap_slide": (0, 0.4),
@@ -84,7 +85,7 @@ def moved_things(env: str, worlds: Worlds, goals: Mapping[str, Array]) -> dict[s
         start = worlds.body(name)[:, :7]
         pos = start[:, :3] + WAY[:, None] * (np.array(end) - start[:, :3])
         if env == "shadow_hand_push_block" and name == "object":
-            pos = start[:, :3] + (WAY**2)[:, None] * (np.array(end) - start[:, :3])  # the right block comes later
+            pos = start[:, :3] + (WAY**2)[:, None] * (np.array(end) - start[:, :3])  # the right block arrives later
         pos[-1, 2] = DROPPED
         target = goals[rot][:, 3:] if isinstance(rot, str) else start[:, 3:] if rot is None else np.tile(rot, (N, 1))
         turned = np.where((WAY > 0.8)[:, None], target, start[:, 3:])
@@ -103,7 +104,7 @@ def swept_joints(simulation: BatchedEnv) -> dict[str, Array]:
 def test_state_variables_are_the_originals(case: Case) -> None:
     spec = case.simulation.task.spec
     expected = {name: value for name, value in case.expected.items() if name in spec or name != "scissors_hinge"}
-    # Contact forces are those of an iterative solver, and near pi an angle is steep in its sine.
+    # Contact forces come from an iterative solver, and an angle near pi depends steeply on its sine.
     loose = {"vec_sensor_tensor": 1e-2, "dof_force_tensor": 1e-4, "rotation_distance": 1e-3}
     assert differences(spec, case.found, expected, loose) == []
 
@@ -126,13 +127,13 @@ def test_the_observation_is_the_originals(case: Case) -> None:
     found = case.found["obs_buf"].double().numpy()
     expected = observation(case.original, {**case.expected, **matched(case)})
     assert found.shape == expected.shape == (N, case.original.observations)
-    # Forces of contacts, of an iterative solver, are compared as state variables above.
+    # Contact forces, which come from an iterative solver, are compared as state variables above.
     away = np.abs(found - expected) / np.maximum(1.0, np.abs(expected))
     assert away.max() < 1e-3, f"column {away.max(axis=0).argmax()}"
 
 
 def matched(case: Case) -> dict[str, Array]:
-    """Quaternions with the signs found, and the contact forces found."""
+    """Expected quaternions with the signs of those found, and the contact forces found."""
     known = {name: case.found[name].double().numpy() for name in ("vec_sensor_tensor",)}
     for name, value in case.expected.items():
         if name in case.found and name.rpartition("_")[2] in ("rot", "pose", "state"):
@@ -141,7 +142,8 @@ def matched(case: Case) -> dict[str, Array]:
 
 
 def altered(case: Case) -> list[dict[str, Array]]:
-    """States with hands where they are, at their handles, the right one there alone, far off, and off a little."""
+    """States with the hands as they are, both at their handles, only the right one near its handle, the right one far
+    off, the left one far off, and both moved a little."""
     points = {side: case.expected.get(f"{name}_pos") for side, name in handles(case.original).items()}
     variants = [dict(case.expected)]
     for right, left, shift in ((0.05, 0.05, 0.0), (0.2, 1.0, 0.0), (4.0, 0.3, 0.0), (0.3, 4.0, 0.0), (1.0, 1.0, 0.12)):
@@ -201,7 +203,7 @@ def handles(original: Original) -> dict[str, str]:
 
 
 def as_state(case: Case, variant: Mapping[str, Array]) -> dict[str, Any]:
-    """The found state with what is different in a variant."""
+    """The found state, with the variables that a variant changes."""
     changed = {name: value for name, value in variant.items() if value is not case.expected[name]}
     return {**case.found, **{name: torch.from_numpy(value).float() for name, value in changed.items()}}
 
@@ -271,7 +273,7 @@ def test_an_episode_starts_as_the_originals(case: Case) -> None:
     for name, (pos, rot) in original.goals.items():
         assert np.abs(s[f"{name}_pos"].numpy() - pos).max() < 1e-6
         if rot is not None:
-            assert np.abs(s[f"{name}_rot"].numpy() - rot).max() < 2e-3  # 1.57 there, a quarter turn here
+            assert np.abs(s[f"{name}_rot"].numpy() - rot).max() < 2e-3  # the original's quarter turn is 1.57
     for side, (pos, angles) in zip(("right", "left"), original.hands, strict=True):
         mount = worlds.body(f"{side}_hand mount")
         assert np.abs(mount[:, :3] - pos).max() < 1e-6
@@ -286,8 +288,8 @@ def test_an_episode_starts_as_the_originals(case: Case) -> None:
             assert np.abs(worlds.angle(name) - expected).max() < 1e-6
 
 
-# Sums of finger distances at the start, and distances of the palms, worked out from the published files beforehand, for
-# handles where the original starts them.
+# By task, at the start: the right and the left handle as the original places them, the sum of finger distances from
+# each, and the palms' distances [m]. They were computed beforehand from the published files.
 SUMS = {
     "shadow_hand_door_open_inward": ((0.048, 0.037, 0.717), (0.046, -0.030, 0.717), 1.053, 1.167, (0.234, 0.239)),
     "shadow_hand_door_open_outward": ((0.032, 0.037, 0.683), (0.034, -0.030, 0.683), 1.011, 1.094, (0.229, 0.231)),
@@ -318,7 +320,7 @@ def test_hands_start_as_far_from_the_handles_as_in_the_original(env: str) -> Non
 
 
 def test_springs_and_dampers_of_the_things_are_the_published_ones() -> None:
-    # stiffness and damping that the tasks' code writes to every joint of their object
+    # Stiffness and damping that the original code sets for every joint of the object.
     published = {
         "shadow_hand_door_open_inward": {"door_right_hinge": (5, 1), "door_left_hinge": (5, 1)},
         "shadow_hand_bottle_cap": {"bottle_cap_slide": (5, 1), "bottle_cap_turn": (5, 1)},
@@ -332,8 +334,8 @@ def test_springs_and_dampers_of_the_things_are_the_published_ones() -> None:
 
 
 def test_the_helpers_agree_with_hand_arithmetic() -> None:
-    # A quarter turn about z takes x to y; E(pi/2, pi/2, 0) is (0.5, 0.5, -0.5, 0.5); the link rotation takes its x to
-    # -y, its y to z and its z to -x of the base.
+    # A quarter turn about z takes x to y; E(pi/2, pi/2, 0) is (0.5, 0.5, -0.5, 0.5); the link's x is -y of the base,
+    # its y is z, and its z is -x.
     quarter = about((0, 0, 1), np.pi / 2)
     assert turn(quarter, (1, 0, 0)) == pytest.approx([0, 1, 0])
     assert euler(np.pi / 2, np.pi / 2, 0) == pytest.approx([0.5, 0.5, -0.5, 0.5])
