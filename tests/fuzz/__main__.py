@@ -1,4 +1,4 @@
-"""Tries many odd and damaged texts, in children in which a crash is counted; what did it is printed.
+"""Tries many odd and damaged texts in child processes, counts crashes, and prints the seed of each.
 
 cd tests
 python -m fuzz 100000 --seed 7                       # longer than the tests
@@ -25,7 +25,7 @@ _BATCH, _BATCH_SECONDS, _MEMORY = 200, 120, 6 << 30
 
 
 def counted(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Counter[str]:
-    """Outcomes of some attempts in a child; where it dies, each again in one of its own."""
+    """Outcomes of attempts in one child process. If it dies, each attempt is made again in a process of its own."""
     outcomes = _in_a_child(attempt, seeds)
     if outcomes is not None:
         return outcomes
@@ -44,7 +44,7 @@ def _in_a_child(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Count
             signal.alarm(_BATCH_SECONDS)
             outcomes = Counter(attempt(Random(seed)) for seed in seeds)
             os.write(other, json.dumps(outcomes).encode())
-        except BaseException as error:  # the parent tries its seeds one by one and names the one that did it
+        except BaseException as error:  # the parent then tries the seeds one by one and names those that fail
             print(f"{type(error).__name__}: {str(error)[:300]}", flush=True)
         finally:
             os._exit(0)
@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--only", choices=attempts, help="one kind")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="for each kind")
     options = parser.parse_args()
-    torch.set_num_threads(1)  # children are forked
+    torch.set_num_threads(1)  # a forked child has none of torch's other threads
     good_graphs()
     for attempt in [attempts[options.only]] if options.only else attempts.values():
         outcomes, until = Counter[str](), time.monotonic() + options.seconds

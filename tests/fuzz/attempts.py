@@ -1,4 +1,4 @@
-"""One odd or damaged graph, reply, program or call, to its verdict; any other exception is a fault of ours."""
+"""The outcome of one odd or damaged graph, reply, program or call; any exception that is not caught here is a bug."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _REWARDS = (
     "r = torch.stack([pos[:, i] * vel[:, i] for i in range(3)], dim=-1).reshape(num_envs, 3).mean(dim=-1)",
     "i = phase.abs().long().clamp(0, 2)\n    r = pos.gather(1, i.unsqueeze(-1)).squeeze(-1) + torch.arange(3.0)[i]",
 )
-"""Between them: reductions, masks, constants, several results, sizes of the number of worlds, and indices."""
+"""Together they have reductions, masks, constants, several results, sizes from the number of worlds, and indices."""
 _PROGRAM = '''def compute_reward(pos, vel, phase, dt, num_envs):
     """Reward nearness."""
     {body}
@@ -33,7 +33,7 @@ _PROGRAM = '''def compute_reward(pos, vel, phase, dt, num_envs):
 _REPLY = "Let me think.\n\n```python\nimport torch\nfrom typing import Dict\n\n{program}```\nIt pays for *r*.\n"
 _WORLDS = 12
 _TRAINED = 300
-"""Worlds of a training: more than the recorded ones, as in a run."""
+"""Worlds of a training: more than there are recorded states, as in a run."""
 
 
 @cache
@@ -62,7 +62,7 @@ def _read(text: str) -> RewardGraph:
 
 
 def graph(random: Random) -> str:
-    """`refused` as text, `finding` on states, or `accepted`: then it runs, on any number of worlds."""
+    """`refused` as text, `finding` on states, or `accepted`: then it must run and give finite values."""
     text = mutate.graph(random.choice(good_graphs()), random)
     try:
         parsed = _read(text)
@@ -103,7 +103,7 @@ def program(random: Random) -> str:
 
 
 def call(random: Random) -> str:
-    """`refused` as a graph, `raised` the error that a verdict is made of, or `ran`."""
+    """`refused` as a graph, `raised` an error from which a verdict is made, or `ran`."""
     made = odd.call(random)
     try:
         list(graphs.values(_read(encode(made)), _states(), _WORLDS))

@@ -1,4 +1,4 @@
-"""Damages graphs and replies at random, in the ways of a bad disk and of a forger who knows the format."""
+"""Damages graphs and replies at random, as a bad disk does and as a forger who knows the format does."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ _PIECES = (
 
 
 def graph(text: str, random: Random) -> str:
-    """A graph's JSON with one to three faults, most of them in its nodes; one in ten is no JSON any more."""
+    """A graph's JSON with one to three faults, most of them in its nodes. One text in ten is also damaged as text, and
+    then it rarely is JSON."""
     data = json.loads(text)
     for _ in range(random.choice((1, 1, 2, 3))):
         if random.random() < 0.9:
@@ -62,7 +63,7 @@ def _spliced(text: str, random: Random, pieces: Sequence[str]) -> str:
 
 
 def _changed(data: Any, random: Random) -> Any:
-    """The same data with one place in it changed; deep places are as likely as their number."""
+    """The same data with one place in it changed, most often a deeply nested one."""
     if isinstance(data, list) and data and random.random() < 0.9:
         data = list(data)
         place, action = random.randrange(len(data)), random.random()

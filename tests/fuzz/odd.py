@@ -1,4 +1,4 @@
-"""Writes odd programs and calls of operations: indices, literals, integer arithmetic, shapes that follow the worlds."""
+"""Writes programs and calls of operations with odd indices, literals, integer arithmetic and shapes."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ _UNARY = (
     "max", "min", "median", "roll", "flip", "topk", "softmax", "norm", "std", "round", "trunc", "squeeze", "isnan",
 )  # fmt: skip
 _BINARY = ("+", "-", "*", "/", "//", "%", "@", ">", "==", "&", "|", "and")
-"""Without powers and shifts: of two large numbers Python computes for hours, as a candidate's deadline knows."""
+"""Without powers and shifts: with two large numbers Python computes for hours. In a run, a candidate's deadline ends
+that."""
 
 
 def program(random: Random) -> str:
-    """A reward program of one to five statements, most of which Python can read."""
+    """A reward program with one to four random statements, most of which Python can parse."""
     body = "".join(f"    {_statement(random)}\n" for _ in range(random.randint(1, 4)))
     head = "def compute_reward(pos, vel, phase, dt, num_envs):\n    r = -pos.norm(dim=-1)\n"
     return f"{head}{body}    return r, {{'r': r}}\n"
@@ -94,7 +95,7 @@ _NODES = (
     Node("input", ("pos",)),
     Node("input", ("phase",)),
     Node("full.default", (({"n": 1},), -(2**63 - 1)), {"dtype": "int64"}),
-    Node("sub.Scalar", ({"ref": 2}, 1)),  # the least integer
+    Node("sub.Scalar", ({"ref": 2}, 1)),  # the smallest int64
     Node("full.default", (({"n": 1},), -1), {"dtype": "int64"}),
     Node("_to_copy.default", ({"ref": 3},), {"dtype": "int32"}),
     Node("full.default", (({"n": 1},), -(2**31)), {"dtype": "int32"}),
@@ -107,11 +108,12 @@ _NODES = (
     Node("_to_copy.default", ({"ref": 0},), {"dtype": "float16"}),
     Node("full.default", (({"n": 1},), 1e308), {"dtype": "float64"}),
 )
-"""Values that the calls work on; between them every dtype, extremes, no element and no dimension."""
+"""Arguments of the calls. Among them are most dtypes, extreme values, an empty tensor and one without dimensions."""
 
 
 def call(random: Random) -> RewardGraph:
-    """A graph whose last node calls an operation off the list, most often as its schema says, with hostile numbers."""
+    """A graph whose last node calls an allow-listed operation with hostile numbers, most often of the types that its
+    schema names."""
     op = random.choice(sorted(surface.ATEN))
     args: list[Any] = []
     kwargs: dict[str, Any] = {}

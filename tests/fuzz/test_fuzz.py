@@ -1,4 +1,4 @@
-"""Damaged and forged graphs and replies are refused or harmless: none of ten thousand ends in another error.
+"""Damaged and forged graphs and replies are refused or harmless: not one of ten thousand ends in another error.
 
 A longer run with other seeds: `cd tests; python -m fuzz 100000 --seed 7`.
 """
@@ -26,7 +26,7 @@ def test_no_damaged_graph_does_more_than_be_refused(seed: int) -> None:
     before = torch.get_rng_state()
     outcomes = [attempts.graph(Random(f"{seed}/{number}")) for number in range(GRAPHS)]
     assert torch.equal(torch.get_rng_state(), before)
-    # Each of the three happens often, or the damage is not what it is meant to be.
+    # If one of the three outcomes were rare, the damage would not test it.
     assert min(outcomes.count(outcome) for outcome in ("refused", "finding", "accepted")) > 20
 
 
@@ -37,7 +37,7 @@ def test_no_damaged_reply_does_more_than_be_refused(seed: int) -> None:
 
 
 def fuzzed(count: int, kind: str) -> dict[str, int]:
-    """Outcomes in a fresh process: it forks, which a grown test process may have no memory for."""
+    """Outcomes from a fresh process. It forks, and this test process may have grown too large for that."""
     command = [sys.executable, "-m", "fuzz", str(count), "--only", kind]
     said = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, check=True, timeout=250).stdout
     return ast.literal_eval(said.removeprefix(kind))
