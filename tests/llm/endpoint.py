@@ -12,12 +12,12 @@ from openeureka.types import Message, Prompt, Reply
 
 PROMPT = Prompt(messages=(Message("system", "s" * 40), Message("user", "u" * 40)))
 Play = Callable[[BaseHTTPRequestHandler], None]
-"""Writes a whole answer, or less, by itself."""
+"""Writes the answer to a request itself, whole or not."""
 Answer = tuple[int, dict | str, dict[str, str]] | Play
 
 
 def answer(*texts: str | None, finish: str = "stop") -> Answer:
-    """100 prompt tokens for the request, 10 completion tokens for each choice."""
+    """An answer with a choice for each text. It counts 100 prompt tokens and 10 completion tokens a choice."""
     choices = [
         {"index": i, "finish_reason": finish, "message": {"role": "assistant", "content": text}}
         for i, text in enumerate(texts)

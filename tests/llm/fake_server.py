@@ -1,4 +1,4 @@
-"""Stands in for `openeureka.llm.local_server`: says what it was started with and asked for, in its replies."""
+"""Stands in for `openeureka.llm.local_server`: its replies tell how it was started and what it was asked for."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""State tables like those of the tasks, but fixed here: golden texts must not move when a task does."""
+"""State tables like those of the tasks, but fixed here: golden texts must not change when a task does."""
 
 from openeureka.types import StateSpec, StateVar, TaskContext
 

@@ -27,7 +27,7 @@ def key(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def raw(body: bytes, *, length: int | None = None) -> Play:
-    """A body as it is, with the length that is claimed for it; the connection then ends."""
+    """Send this body under this Content-Length (by default the true one), then close the connection."""
 
     def play(handler: BaseHTTPRequestHandler) -> None:
         handler.send_response(200)
@@ -41,7 +41,7 @@ def raw(body: bytes, *, length: int | None = None) -> Play:
 
 
 def failing(body: bytes, status: int = 502, **headers: str) -> Play:
-    """An answer of 100 bytes with the status of an error, of which these arrive."""
+    """Send this body as an error that claims to be 100 bytes long, then close the connection."""
 
     def play(handler: BaseHTTPRequestHandler) -> None:
         handler.send_response(status)
@@ -64,7 +64,7 @@ def said(endpoint: Endpoint, **settings: str) -> str:
     return str(caught.value)
 
 
-# --- it passes -------------------------------------------------------------------------------------------------------
+# --- failures that may pass ------------------------------------------------------------------------------------------
 
 CUT = raw(GOOD[:100], length=len(GOOD))
 
@@ -195,7 +195,7 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
     assert endpoint.waits == []
 
 
-# --- it stays --------------------------------------------------------------------------------------------------------
+# --- failures that stay ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -302,7 +302,7 @@ def test_a_socks_proxy_without_its_package_is_one_sentence(monkeypatch: pytest.M
         EndpointModel("m", base_url="http://localhost:1/v1")
 
 
-# --- it is odd -------------------------------------------------------------------------------------------------------
+# --- odd answers -----------------------------------------------------------------------------------------------------
 
 ODD = [
     [],

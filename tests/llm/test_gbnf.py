@@ -36,7 +36,7 @@ def test_derivation_is_a_function_of_the_seed_and_stays_in_the_language():
     pairs = ['"a"', '"b"', '"c"', "-"]
     two = {f" a{x}{y}\n" for x in pairs for y in pairs}
     assert drawn <= two | {f" a{x}{y}{z}\n" for x in pairs for y in pairs for z in pairs}
-    assert two & drawn and drawn - two  # both counts occur
+    assert two & drawn and drawn - two  # two and three repetitions both occur
 
 
 def test_repeated_characters_are_drawn_at_their_shortest():

@@ -47,7 +47,7 @@ def test_every_random_string_passes_the_gate_and_runs(env: str, progress: bool):
 
 @pytest.mark.parametrize("progress", [False, True])
 def test_no_variable_of_a_task_is_overwritten_by_a_program(progress: bool):
-    """As `x` of Lunar Lander, which after the first term was that term."""
+    """Lunar Lander has a variable `x`, which a program's first term once overwrote."""
     named = ("x", "x_", "reward", "components")
     spec = StateSpec(tuple(StateVar(name=name, meaning="m", use="zero_centred") for name in named))
     for source in programs(spec, 40, progress=progress):

@@ -1,4 +1,4 @@
-"""A loopback hub: redirects to its storage, gives hashes, resumes, and breaks off when told to."""
+"""Downloads from a hub on loopback, which redirects to its storage, gives hashes, resumes, and breaks off when told."""
 
 import errno
 import hashlib
@@ -39,7 +39,7 @@ class Hub:
                 hub.keys.append(self.headers["Authorization"])
                 if self.path == "/maker/model-GGUF/resolve/main/model.q4.gguf":
                     self.send_response(302)
-                    # Another host, as where a hub keeps its files: what is said of them is said here.
+                    # To another host, as with real hubs. So the file's size and hash are stated here.
                     self.send_header("Location", f"http://localhost:{hub.server.server_port}/storage")
                     self.send_header("X-Repo-Commit", "0" * 40)
                     self.send_header("X-Linked-Size", str(len(DATA)))
@@ -99,7 +99,7 @@ def test_no_key_of_the_hub_is_sent(served: Hub, tmp_path: Path, monkeypatch: pyt
 def test_a_connection_that_breaks_goes_on_where_it_stopped(
     served: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 500)  # what is held in memory is lost: 10 MB
+    monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 500)  # a break loses the chunk in memory: up to 10 MB
     served.break_after = 1000
     assert hub.fetch(NAME, tmp_path).read_bytes() == DATA
     assert served.ranges == [None, "bytes=1000-"]

@@ -95,7 +95,7 @@ def test_an_answer_of_llama_cpp_is_read():
 
     answer = local_server.complete(Server(), {"prompt": "p"})
     assert answer["texts"] == ["0123456789", "0123"] and answer["prompt_tokens"] == 9
-    # 5 tokens for 10 characters are 0.5 for each, so 4 characters are 2
+    # 5 tokens for 10 characters are 0.5 a character, so 4 characters are 2 tokens
     assert answer["completion_tokens"] == [5, 2]
 
 

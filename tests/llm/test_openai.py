@@ -1,4 +1,4 @@
-"""What a good endpoint and its quirks make of a request; `test_endpoint_failures` plays the bad ones."""
+"""Requests to good endpoints and to those with quirks; `test_endpoint_failures` has the bad ones."""
 
 import threading
 from typing import Any
@@ -43,7 +43,7 @@ def test_without_a_count_of_tokens_the_cost_is_guessed_from_the_texts(
     first, second = sample(model, 2)
     sample(model, 1)
     asked = sum(len(message.content) for message in PROMPT.messages) // 4
-    # 1000 tokens at 10 $/M each; what is asked, once, at 2 $/M.
+    # Each reply has 1000 tokens at 10 $/M. The prompt is paid once, at 2 $/M.
     assert first.usage.cost_usd == pytest.approx(0.01 + asked * 2e-6) and second.usage.cost_usd == pytest.approx(0.01)
     assert first.usage.prompt_tokens == first.usage.completion_tokens == 0
     assert [record.message.partition(" ")[2] for record in caplog.records] == [
@@ -75,7 +75,7 @@ def test_an_endpoint_that_refuses_n_as_if_it_were_in_trouble_is_asked_in_paralle
     model = endpoint.model()
     assert texts(sample(model, 3)) == ["x"] * 3
     assert endpoint.waits == [1.0]
-    endpoint.script = lambda body: answer(*["y"] * body["n"])  # one that was in trouble is asked for several again
+    endpoint.script = lambda body: answer(*["y"] * body["n"])  # after an error 500, n is tried again
     assert texts(sample(model, 3)) == ["y"] * 3
 
 
@@ -279,11 +279,11 @@ def test_a_key_never_shows_in_an_error(endpoint: Endpoint, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("usage", "completion_tokens"),
     [
-        # Gemini and xAI leave thoughts out: 5150 in all less 100 asked are 5050.
+        # Gemini and xAI leave thoughts out of completion_tokens: 5150 in all less 100 of the prompt are 5050.
         ({"prompt_tokens": 100, "completion_tokens": 50, "total_tokens": 5150}, 5050),
         ({"prompt_tokens": 100, "completion_tokens": 5050, "total_tokens": 5150}, 5050),
         ({"prompt_tokens": 100, "completion_tokens": 50, "total_tokens": 0}, 50),
-        ({"completion_tokens": 50, "total_tokens": 5150}, 50),  # what was asked may be most of it
+        ({"completion_tokens": 50, "total_tokens": 5150}, 50),  # the prompt may be most of the total
     ],
 )
 def test_thoughts_that_only_the_total_counts_are_paid_for(

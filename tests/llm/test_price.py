@@ -39,14 +39,14 @@ def test_max_cost_stops_before_the_first_request():
     price.afford(0.03, [], Price(0.0, 10.0), PROMPT, 2)
     with pytest.raises(BudgetError, match=r"2 more replies would cost about 0\.03 .* max_cost=0\.02: 0\.00 are spent"):
         price.afford(0.02, [], Price(0.0, 10.0), PROMPT, 2)
-    # 80 characters are 20 tokens, asked once: 20 * 1000 / 1e6 = 0.02 dollars.
+    # The prompt's 80 characters are 20 tokens, paid once: 20 * 1000 / 1e6 = 0.02 dollars.
     price.afford(0.021, [], Price(1000.0, 0.0), PROMPT, 8)
     with pytest.raises(BudgetError):
         price.afford(0.019, [], Price(1000.0, 0.0), PROMPT, 8)
 
 
 def test_max_cost_counts_what_is_spent_and_learns_what_replies_cost():
-    # At 0.01 dollars a reply, 1.505 are enough for 150 and not for 151, though the first was guessed at 1.50.
+    # At 0.01 dollars a reply, 1.505 dollars are enough for 150 replies and not for 151. The first was guessed at 1.50.
     known = Price(0.0, 1000.0)
     price.afford(1.505, [], known, PROMPT, 1)
     price.afford(1.505, paid(*[0.01] * 149), known, PROMPT, 1)

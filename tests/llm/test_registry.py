@@ -54,7 +54,7 @@ def test_a_limit_needs_a_price():
 
 
 class Counting(RandomModel):
-    """Replies of 1000 tokens in and 200 out; the second states its cost, and the third counts nothing."""
+    """Three replies: two of 1000 tokens in and 200 out, of which the second states its cost, and one without counts."""
 
     name = "counting"
 

