@@ -1,4 +1,4 @@
-"""A search that nobody watches, and nobody can be asked in, unless a test says so."""
+"""A search without a listener and without a person to ask, unless a test passes them."""
 
 from openeureka import loop
 from openeureka.config import RunConfig

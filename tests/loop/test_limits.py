@@ -1,4 +1,4 @@
-"""Costs beside F, and limits to them, in a search of fakes."""
+"""Costs of policies besides F, and limits to them, in a search with fakes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from openeureka.types import Evaluation
 
 @dataclass
 class Costly(ToyTrainer):
-    """A policy of worth w takes a torque of 10 w; in the end, on held-out episodes, some more."""
+    """A policy of worth w takes a torque of 10 w, and `more` on top of it in held-out episodes."""
 
     more: float = 0.0
 
@@ -97,7 +97,7 @@ def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_pat
 
 
 def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Path) -> None:
-    """Seed 1 adds 0.01 to the worth: 7.495 keeps 75 in the search, and 7.505 does not."""
+    """Seed 1 adds 0.01 to the worth. In the search the torque is 74.95, with the fresh seed 75.05."""
     told: list[Event] = []
 
     script, trainer = [reply(7.495), reply(5)], Costly()
@@ -105,7 +105,7 @@ def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Pa
     assert told[-1] == Outcome(best=None)
     assert run.crown is None and "trained again with fresh seeds" in verdict(run)
     assert [command for command, _ in nexts(run)] == ["eureka show DIR"]
-    assert not verdict(replace(run, ended=False)).startswith("No reward won")  # a winner may be judged just now
+    assert not verdict(replace(run, ended=False)).startswith("No reward won")  # a winner may still come
     assert Run(tmp_path / "run").finished
 
 
@@ -125,7 +125,7 @@ def test_of_a_lane_s_policies_one_that_keeps_the_limits_stands_for_it() -> None:
     plays = {"reward": [play("reward", 3.0, 90.0)], "last": [play("last", 2.0, 60.0), play("last", 2.0, 80.0)]}
     assert played(plays, {}).peak == "reward" and played(plays, {"torque": 75.0}).peak == "last"  # type: ignore[arg-type]
     assert played(plays, {"torque": 75.0}).costs == {"torque": 70.0}  # type: ignore[arg-type]
-    # Where each breaks them, the one that is least beyond them, whatever its F.
+    # Where every policy breaks a limit, the one that is least beyond it stands for the lane, whatever its F.
     assert played(plays, {"torque": 65.0}).peak == "last"  # type: ignore[arg-type]
 
 
@@ -152,7 +152,7 @@ def test_limits_need_a_search_that_plays() -> None:
 
 @dataclass
 class Hungry(Costly):
-    """As told by worth, to two digits: another torque, and F 3 higher where that is more than 90."""
+    """The torque is given by worth, rounded to two digits (40 for any other worth). Above 90, F is 3 higher."""
 
     torques: dict[float, float] = field(default_factory=dict)
 
@@ -164,7 +164,7 @@ class Hungry(Costly):
 
 
 def test_of_the_winner_s_policies_one_that_keeps_the_limits_is_handed_over(tmp_path: Path) -> None:
-    """One of three fresh seeds takes 95, all of them 65 on average: F of that one is the highest."""
+    """The policy of one of three fresh seeds takes 95 and has the highest F. On average the three take 65."""
     trainer = Hungry(torques={7.0: 50.0, 7.01: 50.0, 7.02: 95.0, 7.03: 50.0})
     settings: dict[str, Any] = {"limits": "torque=75", "seeds": 3}
     run = RunView.read(search_in(tmp_path / "run", [reply(7), reply(5)], trainer=trainer, **settings))
@@ -174,7 +174,8 @@ def test_of_the_winner_s_policies_one_that_keeps_the_limits_is_handed_over(tmp_p
 
 
 class _Late(Costly):
-    """Policies take a torque of 9, or 13 where F is above 3.005: so does the reward worth 3 with fresh seeds alone."""
+    """A policy of a worth above 3.005 takes a torque of 13, any other 9. So the reward worth 3 takes 13 only with fresh
+    seeds, which add at least 0.01."""
 
     def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
         for score in super().evaluate(env, policies, seed=seed, **options):
@@ -188,7 +189,7 @@ def test_fitted_numbers_that_keep_a_limit_replace_a_reward_that_breaks_it(tmp_pa
     found = run.tuned
     assert run.crown is None and found is not None and found.after
     before, after = found.finals["original"].scores, found.finals[found.after].scores
-    assert min(before) > max(after)  # by F alone the text as it came would stay
+    assert min(before) > max(after)  # by F alone the original text would stay
     assert found.breach_before == "torque 13 N m, above 10" and not found.breach
     assert found.better == found.after and "return 3.0 * y" not in (directory / "best" / "reward.py").read_text()
     assert of_tuning(found).startswith("The tuned numbers win: policies of the original ones break a limit, torque 13")

@@ -87,10 +87,10 @@ def test_the_best_program_is_retrained_with_fresh_seeds_beside_the_human_reward(
         *(lane(7, 0), lane(8, 0), "human-s0", "sparse-s0"),
         *(lane(8, 1), lane(8, 2), "human-s1", "human-s2"),
     ]
-    # ToyTrainer: F = worth + seed / 100, held out one less.
+    # ToyTrainer: F = worth + seed / 100, and one less when held out.
     assert outcome.method.training == pytest.approx((8.01, 8.02))
     assert outcome.method.held_out == pytest.approx((7.01, 7.02))
-    # Nobody picked the baselines' trainings beside the first generation: they count as well.
+    # The baselines' trainings beside the first generation count as well: they were not picked by their scores.
     assert outcome.human.training == pytest.approx((10.0, 10.01, 10.02))
     assert outcome.sparse.training == (5.0,)
     assert outcome.normalised == pytest.approx((8.015 - 5) / (10.01 - 5))
@@ -169,7 +169,7 @@ def test_a_repetition_is_kept_where_nothing_else_comes(begin) -> None:
     first, second = one.history().generations[0].entries
     assert (first.fitness, second.fitness) == (7, 7)
     assert (first.sample.attempts, second.sample.attempts) == (1, 3)
-    assert one.model.said == 3  # its refill, and no repair turn, as nothing is wrong with it
+    assert one.model.said == 3  # two and a refill; a repeated program needs no repair
 
 
 def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_anew(begin) -> None:
@@ -263,14 +263,14 @@ def test_whatever_a_run_draws_follows_from_its_seed(tmp_path: Path) -> None:
     with Store.open(tmp_path, config) as store:
         run(config, store, model, ToyChecker(), Noting(error=1.0), TOY, Draws(samples=2))
     assert drawn == [Random(f"7/{index}").random() for index in (0, 1)]
-    # Two looks to choose by, the first also at rungs, and the final scores.
+    # Seeds of start states: two looks to choose by, of which the first is also that of rungs, and the held-out scores.
     assert played == {CHOOSING + 7, CHOOSING + 8, HELD_OUT + 7}
     assert model.seeds == [request_seed(7, index, 0, 0) for index in (0, 1)]
     assert len({request_seed(seed, 0, 0, 0) for seed in range(100)}) == 100
 
 
 def test_the_rest_of_an_interrupted_refill_has_the_seeds_that_it_would_have_had(begin) -> None:
-    """Slots 0 and 2 are filled again; the run ends after the first of both."""
+    """Slots 0 and 2 are sampled again. The run is stopped after slot 0."""
 
     @dataclass
     class Ending(ScriptedModel):
@@ -353,7 +353,7 @@ def test_a_model_that_gives_fewer_replies_ends_the_run_in_a_sentence_and_one_tha
     one.model.more = -1
     with pytest.raises(ModelError, match="scripted gave 1 of 2 replies: its `sample` must yield n replies"):
         one.go()
-    one.model = Miscounting([reply(8), reply(9)])  # the first is kept
+    one.model = Miscounting([reply(8), reply(9)])  # the first reply of before is kept
     one.model.more = 1
     assert one.go().best.fitness == 8
 
@@ -410,7 +410,7 @@ def test_a_diverged_lane_never_wins_and_its_author_is_told(begin) -> None:
 
 
 class Failing(ToyTrainer):
-    """Its worker dies with the programs worth 7, or with everything."""
+    """Its worker dies of programs worth 7, or of every program."""
 
     def __init__(self, *, everything: bool = False) -> None:
         super().__init__()
@@ -444,7 +444,7 @@ def test_when_no_lane_can_train_the_run_stops_and_can_be_resumed(begin) -> None:
 
 @pytest.mark.parametrize("stopped", [False, True])
 def test_a_baseline_that_ends_its_worker_beside_others_that_train_stops_nothing(begin, stopped: bool) -> None:
-    """Also where the others trained before the run was stopped."""
+    """The same holds if the others trained before the run was stopped."""
 
     class Fragile(ToyTrainer):
         dies = stopped
@@ -473,7 +473,7 @@ def test_a_baseline_that_ends_its_worker_beside_others_that_train_stops_nothing(
 def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_not_train_it_again(
     begin, monkeypatch
 ) -> None:
-    """No human reward trains beside it; the trainer has found that one would."""
+    """The baselines are known, so no human reward trains beside it. The trainer itself has found that one would."""
     measured = Baselines(
         human=SeedScores(training=(9.0,), held_out=(9.0,)), sparse=SeedScores(training=(5.0,), held_out=(2.0,)),
         env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
@@ -515,7 +515,7 @@ def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, s
     def stop(candidate: Candidate) -> None:
         raise KeyboardInterrupt
 
-    if stopped:  # the replies are stored and no verdict is, as after a parent that was killed
+    if stopped:  # replies are stored, but no verdicts, as after a kill
         one.checker = SimpleNamespace(check=stop)
         with pytest.raises(KeyboardInterrupt):
             one.go()

@@ -25,7 +25,7 @@ def test_pearson_uses_the_pairs_in_which_both_are_defined() -> None:
 
 def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
     assert pearson([1, 1, 1], [1, 2, 3]) is None
-    assert pearson([0.1] * 3, [0, 1, 2]) is None and pearson([0, 1, 2], [0.7] * 3) is None  # their means round
+    assert pearson([0.1] * 3, [0, 1, 2]) is None and pearson([0, 1, 2], [0.7] * 3) is None  # their means are rounded
     assert pearson([1], [2]) is None
     assert pearson([], []) is None
 
@@ -48,7 +48,8 @@ def test_the_best_of_several_needs_a_wider_interval() -> None:
     groups = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
     one, both = (difference(groups[0], groups[1], groups[2:], claims=claims) for claims in (1, 2))
     assert one is not None and both is not None
-    # Of the two alone, t(2): 4.303 at 97.5 %, 6.205 at 98.75 %; of all three, t(3): 3.182, 4.177.
+    # The wider interval is that of the two alone, with t(2) = 4.303 at 97.5 % and 6.205 at 98.75 %. The pool of all
+    # three has t(3) = 3.182 and 4.177.
     assert (both.high - both.value) / (one.high - one.value) == pytest.approx(6.205 / 4.303, abs=1e-3)
 
 
@@ -58,7 +59,7 @@ def test_a_noisy_reward_does_not_look_steady_beside_calm_ones() -> None:
     assert alone is not None and beside is not None
     assert alone.high - alone.value == pytest.approx(2.776 * math.sqrt(1 / 3 + 0.01 / 3), abs=1e-3)
     assert (beside.low, beside.high) == (alone.low, alone.high)
-    # Calm ones beside noisy rivals: t(8) of squares 0.02 * 2 + 2 * 2 over 8, which is 0.505.
+    # Two calm rewards, two noisy rivals: the pooled variance is (0.02 * 2 + 2 * 2) / 8 = 0.505, and t(8) = 2.306.
     calm_too = difference(calm[0], other, [own, own])
     assert calm_too is not None
     assert calm_too.high - calm_too.value == pytest.approx(2.306 * math.sqrt(0.505 * 2 / 3), abs=1e-3)
@@ -79,7 +80,7 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
     # Paired: 2 / 2^5 = 0.0625, 2 / 2^6 = 0.031.
     five, six = (estimate([0.2] * count) for count in (5, 6))
     assert five is not None and six is not None and (five.sure, six.sure) == (False, True)
-    # What differs by rounding alone has no spread, and of 9 such intervals 9 * 2 / 2^6 = 0.28.
+    # Three values that differ by rounding alone have no spread and are too few. Of 9 intervals: 9 * 2 / 2^6 = 0.28.
     thirds, nine = estimate([1 / 3, 2 / 3 - 1 / 3, 1 - 2 / 3]), estimate([1.0] * 6, claims=9)
     assert thirds is not None and nine is not None and not thirds.sure and not nine.sure
 
@@ -87,7 +88,7 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
 def test_one_seed_of_each_has_no_interval() -> None:
     assert difference([1.0], [2.0]) is None
     assert difference([], [2.0, 3.0]) is None
-    assert difference([9.0], [2.0, 2.1, 1.9]) is None  # the others may have diverged
+    assert difference([9.0], [2.0, 2.1, 1.9]) is None  # its other seeds may have diverged
 
 
 def test_the_looks_of_a_race_share_its_errors() -> None:
@@ -104,7 +105,8 @@ def test_how_many_seeds_would_decide() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_intervals_hold_as_often_as_they_say(seed: int) -> None:
-    """Of the same reward as both: the interval holds zero in 95 of 100 races, here of four rewards and three seeds."""
+    """If all rewards are equally good, the interval holds zero in 95 of 100 races, here of four rewards with three
+    seeds each."""
     random = Random(seed)
     missed = 0
     for _ in range(1000):
@@ -113,12 +115,12 @@ def test_intervals_hold_as_often_as_they_say(seed: int) -> None:
         rivals = [groups[group] for group in range(3) if group != best]
         found = difference(groups[best], groups[3], rivals, claims=3)
         missed += found is not None and found.sure and found.value > 0
-    assert missed < 50  # 25 of 1000 a side if none were picked; Bonferroni keeps the best of three below that
+    assert missed < 50  # 25 of 1000 above zero if none were picked; Bonferroni keeps the best of three below that
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_intervals_hold_beside_a_reward_that_never_differs(seed: int) -> None:
-    """As where a human reward scores 0 with every seed: 50 of 1000 miss, give or take 7."""
+    """For example, a human reward scores 0 with every seed. Of 1000 intervals 50 miss, give or take 7."""
     random = Random(seed)
     missed = 0
     for _ in range(1000):
@@ -131,8 +133,8 @@ def test_intervals_hold_beside_a_reward_that_never_differs(seed: int) -> None:
 @pytest.mark.parametrize("rate", [0.5, 0.6, 0.7, 0.8, 0.9])
 @pytest.mark.parametrize("never", [0, 1, 2])
 def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: int) -> None:
-    """The best of some rewards that succeed as often as the human one, beside others that never do, by their binomial
-    chances: either side is sure in 2.5 of 100 races at most."""
+    """Some rewards succeed as often as the human one, the others never. Weighed by binomial probabilities, the best one
+    is called better in at most 2.5 of 100 races, and worse in at most 2.5."""
     able, missed = 3 - never, {True: 0.0, False: 0.0}
     groups = [[1.0] * k + [0.0] * (3 - k) for k in range(4)]
     for counts in product(range(4), repeat=able):
@@ -148,7 +150,8 @@ def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: in
 
 
 def test_trainings_that_succeed_or_do_not_are_counted_as_such() -> None:
-    """A success rate of 0.9 beside one of 1 is no spread of what chance deals, which is 0.03 or 0.95."""
+    """By chance a training succeeds and scores about 0.95, or fails and scores about 0.03. The small spread about
+    either value does not measure that chance."""
     two, four = (difference([0.99, 0.95, 1.0, 0.98][:n], [0.02, 0.0, 0.01, 0.04][:n]) for n in (2, 4))
     assert two is not None and four is not None
     assert (two.sure, four.sure) == (False, True)  # Fisher: 1 / 3, and 2 / 70
@@ -156,7 +159,7 @@ def test_trainings_that_succeed_or_do_not_are_counted_as_such() -> None:
     alike, partial, large = ([0.99, 0.95], [0.9, 0.8]), ([0.99, 0.98], [0.5, 0.51]), ([2.0, 2.01], [0.0, 0.01])
     for own, other in (partial, large):
         found = difference(own, other)
-        assert found is not None and found.sure, "no value says success or failure, so the spread tells"
+        assert found is not None and found.sure, "values that are not successes and failures are judged by their spread"
     assert difference(*alike) is not None
     assert two_valued([0.0, 0.9, 1.0]) and two_valued([0.5, 1.0, 1.0]) and not two_valued([0.8, 0.9, 1.0])
 
@@ -166,7 +169,7 @@ def _binomial(seeds: int, successes: int, rate: float) -> float:
 
 
 def test_more_successes_are_no_weaker_evidence() -> None:
-    """Rivals that succeed with every seed say nothing of the spread of those that do not."""
+    """Rivals that succeed with every seed say nothing about the spread of the others."""
     always = [[1.0] * 3]
     none, one = (difference([1.0] * 3, [1.0] * k + [0.0] * (4 - k), always) for k in (0, 1))
     assert none is not None and one is not None
@@ -175,7 +178,8 @@ def test_more_successes_are_no_weaker_evidence() -> None:
 
 
 def test_fishers_test_of_counts_by_hand() -> None:
-    """9 of 9 against 3 of 9: C(9, 3) ways of C(18, 12) put all six failures in one, 84 / 18564, doubled."""
+    """9 of 9 against 3 of 9: of C(18, 12) = 18564 ways, C(9, 3) = 84 put all six failures in one group. Two-sided, that
+    is doubled."""
     nine, three = [1.0] * 9, [1.0] * 3 + [0.0] * 6
     found, fourth = difference(three, nine), difference(three, nine, claims=6)
     assert found is not None and fourth is not None
