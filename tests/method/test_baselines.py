@@ -1,4 +1,4 @@
-"""What was measured beforehand is taken from the policies that a run would have kept."""
+"""Baselines that were measured beforehand are those of the policies that a run would have kept."""
 
 from openeureka.config import RunConfig
 from openeureka.method import baselines
@@ -21,6 +21,7 @@ def test_a_run_is_compared_with_the_policy_that_plays_better_of_both_that_were_m
 
 
 def test_what_ships_holds_no_degenerate_end_of_the_scale():
-    """A sparse reward that hardly tells policies apart leaves a poor one at its own peak."""
+    """Where a sparse reward hardly tells policies apart, the policy at its peak may be a poor one. The lower end of the
+    scale is then that of the policy at the peak of F."""
     found = baselines.measured(RunConfig(env="ballbalance"))
     assert found is not None and (mean(found.sparse.held_out) or 0.0) > 250.0

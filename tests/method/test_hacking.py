@@ -1,4 +1,4 @@
-"""Numbers below are worked out by hand: what an untrained policy scores, what was learnt, and what of it is lost."""
+"""Signs of reward hacking, with numbers by hand: F untrained, how much was learnt, and how much of it is lost."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RESULT = TrainingResult(
 
 
 def lane(held_out: Evaluation, **tryouts: Evaluation) -> Tried:
-    """Untrained its policy scores 10."""
+    """A training whose untrained policy scores 10."""
     return Tried(result=RESULT, held_out=held_out, tryouts={UNTRAINED: score(10.0), **tryouts})
 
 
@@ -46,10 +46,10 @@ def drifting(before: Evaluation, after: Evaluation, result: TrainingResult = RES
 @pytest.mark.parametrize(
     ("before", "after", "seen"),
     [
-        (110.0, 89.0, True),  # F was between 10 and 110: a fifth of that is 20, 21 are lost
+        (110.0, 89.0, True),  # F ranged from 10 to 110: a fifth of that is 20, and 21 are lost
         (110.0, 91.0, False),  # 19 are lost
         (110.0, 120.0, False),
-        (9.0, -12.0, True),  # also where nothing was learnt to begin with
+        (9.0, -12.0, True),  # also for a policy that had learnt nothing
         (110.0, None, False),
     ],
 )
@@ -69,7 +69,7 @@ def test_what_was_learnt_is_not_known_where_no_untrained_policy_played() -> None
 
 
 def test_the_curve_of_training_says_nothing_of_what_was_learnt() -> None:
-    """Its first F may be one of start states, or of a policy that has learnt for a while."""
+    """The first F of the curve may depend on start states, or be that of a policy that has learnt for a while."""
     half = lane(score(110.0), **{"mass +10 %": score(59.0)})
     for first in (60.0, 109.0, 200.0):
         curves = {**RESULT.curves, "fitness": (first, *RESULT.curves["fitness"][1:])}
@@ -79,7 +79,7 @@ def test_the_curve_of_training_says_nothing_of_what_was_learnt() -> None:
 
 def test_a_score_below_zero_is_measured_alike() -> None:
     below = dataclasses.replace(RESULT, curves={**RESULT.curves, "fitness": (None, -10.0, -2.0, -3.0, -5.0)})
-    # F was between -10 and -2: a fifth of that is 1.6. Half of the 8 learnt is 4.
+    # F ranged from -10 to -2: a fifth of that is 1.6. Half of the 8 learnt is 4.
     assert hacking.drift(drifting(score(-2.0), score(-3.7), below))
     assert not hacking.drift(drifting(score(-2.0), score(-3.5), below))
     for lost, seen in ((3.9, False), (4.1, True)):

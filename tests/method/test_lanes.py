@@ -1,4 +1,4 @@
-"""What is kept of a training that somebody stops while its results come, and what of it a search compares."""
+"""What is kept of a training that is stopped, or fails, while its results come."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ LANES = deal(beside(RunConfig()), [0, 1], "baseline")
 
 
 class Sends(ToyTrainer):
-    """Has every result by the time it is stopped, as workers whose training has ended."""
+    """Has every result when it is stopped, like workers whose training has ended."""
 
     def train(
         self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
@@ -35,7 +35,7 @@ class Sends(ToyTrainer):
 
 
 class Listed(ToyTrainer):
-    """Is no generator, and hears of nothing."""
+    """Trains in a plain iterator, not a generator, so it does not notice a stop."""
 
     def train(
         self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
@@ -44,7 +44,7 @@ class Listed(ToyTrainer):
 
 
 class StopsOnce:
-    """Somebody presses Ctrl-C when the first result is told."""
+    """A listener during which Ctrl-C is pressed, at the first result."""
 
     stopped = False
 

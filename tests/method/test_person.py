@@ -59,7 +59,7 @@ class Silent:
         self.left = 3
 
     def listen(self, seconds: float) -> None:
-        """Time flies; whoever listens a fourth time did not heed the end."""
+        """Nobody says anything. A fourth call means that the timeout was ignored."""
         self.left -= 1
         assert self.left >= 0
 
@@ -69,7 +69,7 @@ class Killed(Exception):
 
 
 class Dying(Silent):
-    """Says one thing and is killed before it can go on."""
+    """Says its remarks, and is killed before the run can go on."""
 
     def __init__(self, directory: Path, *remarks: Remark) -> None:
         self.directory, self.remarks = directory, remarks
@@ -96,7 +96,7 @@ class Search:
         return self.go(desk), desk
 
     def asked(self, generation: int) -> str:
-        """The end of the request for a generation of the model."""
+        """The last message of the request for a generation of the model."""
         return self.model.prompts[generation].messages[-1].content
 
     def parent(self, generation: int) -> str:
@@ -253,7 +253,7 @@ def test_after_the_timeout_a_late_go_is_refused(begin) -> None:
     train = one.trainer.train
 
     def training(*args):
-        if one.model.said == 4:  # of generation 1: the wait after generation 0 is over
+        if one.model.said == 4:  # generation 1 trains: the wait after generation 0 is over
             with pytest.raises(FeedbackError, match="has no new policies to judge yet"):
                 say(one.directory, GO)
         return train(*args)
@@ -287,7 +287,7 @@ def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin)
     with pytest.raises(FeedbackError, match="g0s7 is not a trained candidate .* there are g0s0, g0s1"):
         one.heard([words("kept together"), veto(0, 7)])
     with Store.view(one.directory) as store:
-        assert store.remarks.unheard() == ()  # all or none
+        assert store.remarks.unheard() == ()  # all are kept or none
 
 
 def test_a_favourite_that_was_vetoed_is_refused(begin) -> None:
@@ -325,7 +325,7 @@ def test_a_replay_repeats_what_was_said_though_something_was_said_to_it_and_only
     Store.open(two.directory, two.config).close()
     with pytest.raises(FeedbackError, match="replays the feedback of another run. To give feedback of your own"):
         say(two.directory, words("mine"))
-    with Store.visit(two.directory) as store:  # as earlier versions let one
+    with Store.visit(two.directory) as store:  # which earlier versions allowed
         store.remarks.say(words("mine"))
 
     def killed(*_: object) -> None:
@@ -357,13 +357,13 @@ def test_a_given_reward_is_generation_0_and_the_parent_of_the_first_of_the_model
     one = begin(init=str(tmp_path / "mine.py"), feedback="none")
     outcome = one.go()
     sizes = [len(generation.entries) for generation in one.history().generations]
-    assert sizes == [1, 2, 2]  # iteration=2 counts those of the model
+    assert sizes == [1, 2, 2]  # iteration=2 counts the generations of the model
     assert program(3) in one.parent(0) and "task_score: [none, 1.50, 3.00]" in one.asked(0)
     assert outcome.best is not None and outcome.best.fitness == 8
     with Store.view(one.directory) as store:
         given = store.talk.reply(0, 0, 0)
         assert given is not None and (given.model, given.usage.cost_usd) == ("given", 0.0)
-        assert len(store.talk.replies()) == 4  # of which a replay gives the same
+        assert len(store.talk.replies()) == 4  # those of the model, which a replay repeats
 
 
 def test_a_resumed_run_needs_the_given_file_no_more(begin, tmp_path: Path) -> None:

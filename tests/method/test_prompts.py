@@ -154,7 +154,7 @@ def test_each_shown_reward_has_its_score_and_one_is_marked():
 
 @pytest.mark.parametrize("style", ["free", "grammar"])
 def test_how_long_the_played_episodes_were_is_told_and_how_many_ended_early(style):
-    """The curve of a training tells of the episodes that happened to end in an epoch."""
+    """The curve of a training covers only the episodes that happened to end in an epoch."""
     fallen = Evaluation(lane="b", fitness=-0.17, episode_length=1643.7, episodes=256, costs={"falls": 0.625})
     plan = replace(INFORMED, turns=(OLDER, replace(BEST, played=fallen)))
     told = [m.content for m in prompts.render(BALANCED, plan, style).messages if m.role == "user"]
@@ -353,11 +353,11 @@ def test_braces_of_a_program_are_not_taken_for_fields_of_a_template():
 
 @pytest.mark.parametrize(("style", "limit"), [("free", 4_000), ("grammar", 2_000)])
 def test_early_words_of_a_person_give_way_in_whole_lines(style, limit):
-    early = tuple(f"{number:03d} {'x' * 93}" for number in range(60))  # each 97 characters: 100 with "> " and its end
+    early = tuple(f"{number:03d} {'x' * 93}" for number in range(60))  # 97 characters each: 100 with "> " and line end
     plan = PromptPlan(count=1, opinion=Opinion(words=(*early, "newest")))
     told = prompts.render(CONTEXT, plan, style).messages[-1].content
     said = told.split("the newest last:\n")[1].splitlines()
-    kept = limit // 100 - 1  # the newest has 9, so that one fewer has room
+    kept = limit // 100 - 1  # the newest takes 9 characters, so one line fewer has room
     assert said[: kept + 2] == ["[...]", *(f"> {words}" for words in early[-kept:]), "> newest"]
 
 

@@ -22,7 +22,7 @@ from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
 
 @dataclass
 class Lucky(ToyTrainer):
-    """F of some lanes, by lane id, is what is said here, in training and when played; of the others as usual."""
+    """`said` gives F of some lanes, by lane id, in training and when played. The others have that of `ToyTrainer`."""
 
     said: dict[str, float] = field(default_factory=dict)
 
@@ -52,7 +52,7 @@ def race_of(directory: Path, trainer: ToyTrainer, replies: list[str], **settings
 
 
 def test_the_one_that_fresh_seeds_prefer_is_crowned(tmp_path: Path) -> None:
-    # In the search 8 plays best, by luck; fresh seeds say that 7 is worth 20.
+    # In the search 8 plays best, by luck. With fresh seeds 7 is worth 20.
     trainer = Lucky(error=1.0, said={spec(7, 1): 20.0, spec(7, 2): 21.0})
     outcome = go(tmp_path, trainer, [7, 8, 1], seeds=2)
     assert outcome.best is not None and outcome.best.sample.place == Place(0, 0)
@@ -65,7 +65,8 @@ def test_the_one_that_fresh_seeds_prefer_is_crowned(tmp_path: Path) -> None:
 
 def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: Path) -> None:
     trainer = ToyTrainer(error=1.0)
-    # Played one less: 9 is 2 above 7, within two errors of both (2.83); 4 is not.
+    # 9 is 2 above 7, within two standard errors of the difference (2.83), so 7 is level, too, but only three may train.
+    # 4 is not level.
     go(tmp_path, trainer, [4, 7, 8, 8.5, 9], seeds=2)
     again = {name for name in trainer.trained if name.endswith("-s1")}
     assert again == {spec(8, 1), spec(8.5, 1), spec(9, 1), "human-s1"}
@@ -80,7 +81,7 @@ def test_a_reward_that_is_written_twice_races_once(tmp_path: Path) -> None:
 
 
 def test_a_clear_winner_trains_alone_and_no_longer_than_needed(tmp_path: Path) -> None:
-    trainer = ToyTrainer()  # nothing varies but a hundredth a seed: two seeds decide
+    trainer = ToyTrainer()  # seeds differ by 0.01 only, so two decide
     outcome = go(tmp_path, trainer, [7, 8], seeds=5)
     assert [name for name in trainer.trained if not name.endswith("-s0")] == [
         *(spec(8, 1), spec(8, 2), "human-s1", "human-s2")
@@ -102,17 +103,17 @@ def test_the_difference_allows_for_the_best_having_been_picked_and_for_every_loo
     outcome = go(tmp_path, Lucky(error=1.0, said=said), [8, 9], seeds=3)
     (rival,) = outcome.rivals.values()
     assert len(outcome.method.scores) == len(rival.scores) == 3
-    # Two contenders; of all errors the last look may make nine tenths.
+    # Two contenders; the last look may spend nine tenths of the error probability.
     assert outcome.difference == difference(outcome.method.scores, outcome.human.scores, [rival.scores], claims=2 / 0.9)
 
 
 def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
     scores = {"a": [10.0, 10.2], "b": [9.9, 10.3], "c": [1.0, 1.2], "human": [5.0, 5.1]}
-    assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both mean 10.1: of equals the first leads
+    assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both have the mean 10.1: of equals, the first leads
 
 
 def test_who_left_to_a_leader_that_breaks_a_limit_is_back(tmp_path: Path) -> None:
-    """9 is better than 8.5 with two seeds each, and with the third it costs too much."""
+    """With two seeds each, 9 is better than 8.5. With the third seed, 9 breaks the limit."""
 
     class Costly(Lucky):
         def evaluate(self, env, policies, *, seed, **options):
@@ -135,7 +136,7 @@ def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() 
 
 
 def drawn(random: Random, names: list[str], seeds: int) -> bool:
-    """Whether a race of equals ends with a verdict."""
+    """Whether a race of equals ends with better or worse, which is wrong."""
     scores: dict[str, list[float]] = {"human": [random.gauss(0, 1)], **{name: [] for name in names}}
 
     def look(left, more, _):
@@ -151,16 +152,16 @@ def drawn(random: Random, names: list[str], seeds: int) -> bool:
 def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, raced: int) -> None:
     random = Random(f"{seeds} {raced}")
     wrong = sum(drawn(random, [f"reward {number}" for number in range(raced)], seeds) for _ in range(1000))
-    assert wrong <= 70  # 50 are to be expected at most, and 70 hardly ever: three standard errors more
+    assert wrong <= 70  # at most 50 are to be expected; 70 is three standard errors more
 
 
 class Killed(Exception):
-    """As a process that ends."""
+    """Stands for the end of the process."""
 
 
 @dataclass
 class Mortal(Lucky):
-    """Ends where it is said: while the third seed plays, or on held-out episodes."""
+    """Dies when the third seed plays (`dies` is "race"), or in held-out episodes ("judging")."""
 
     dies: str = ""
 
@@ -196,7 +197,8 @@ def test_a_finished_search_keeps_its_crown(tmp_path: Path) -> None:
 
 
 def test_the_race_stops_by_the_interval_of_the_verdict(tmp_path: Path) -> None:
-    """Beyond doubt after two seeds if the best had not been picked among three, which the verdict allows for."""
+    """After two seeds the difference would be sure if the best had not been picked among three. The verdict allows for
+    that, and so does the race: it goes on."""
     said = {spec(8.2, 1): 20.0, spec(8.2, 2): 22.0, spec(8.1, 1): 3.0, spec(8.1, 2): 5.0, spec(8, 1): 2.0}
     human = {"human-s0": 5.3, "human-s1": 6.3, "human-s2": 7.0}
     look = race.share(2, 5)
@@ -245,7 +247,7 @@ def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path:
         assert looks == {spec(1, 0): 1, spec(7, 0): 2, spec(8, 0): 2, "human-s0": 1, "sparse-s0": 1}
         (generation,) = store.history().generations
         played = generation.entries[2].played
-        # Looks of 7 and 10 with error 1 each, equally long: mean 8.5, error sqrt(2) / 2.
+        # Looks of 7 and 10 with error 1 each and equally many episodes: mean 8.5, error sqrt(2) / 2.
         assert played is not None and played.fitness == pytest.approx(8.5)
         assert played.error == pytest.approx(0.7071, abs=1e-4)
 
@@ -256,7 +258,7 @@ def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None
 
 
 def test_who_raced_stays_whatever_plays_afterwards(tmp_path: Path) -> None:
-    """A tuning lets the best reward play once more, which may leave it alone at the top."""
+    """A tuning plays the best reward's policy once more, after which no other may be level with it."""
     trainer = Lucky(error=1.0, said={spec(8, 1): 20.0, spec(8, 2): 21.0})
     before = go(tmp_path, trainer, [7, 8], seeds=2)
     assert set(before.rivals) == {Place(0, 0)}

@@ -44,7 +44,7 @@ def reflect(
 
 
 def test_feedback_says_that_a_curriculum_came_before() -> None:
-    """Lists of the last stage begin high: level ones are no sign of a reward that teaches nothing."""
+    """The lists of the last stage begin high, so a level one does not mean that the reward teaches nothing."""
     staged = replace(RESULT, steps_before=4)
     for style in ("free", "grammar"):
         stage = "the last stage of a curriculum; it began with what the stages before had taught it"
@@ -70,7 +70,7 @@ def test_feedback_on_a_training() -> None:
 
 
 def test_a_score_that_looks_back_says_over_how_many_epochs() -> None:
-    """A level score still rises in the list, for as many epochs as it averages."""
+    """In the list, a policy that no longer improves still rises, for as many epochs as the score averages."""
     played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     at_once = replace(RESULT, curves={**RESULT.curves, "fitness": RESULT.curves["human_reward"]})
     for found, end in ((None, "."), (played, "; rewards are ranked by the score when played instead.")):

@@ -56,7 +56,7 @@ def test_who_breaks_a_limit_goes_on_after_those_who_keep_it():
 
 
 class Late(ToyTrainer):
-    """F is told in the second half of a training, as where it tells of steps and episodes are long."""
+    """F is told only in the second half of a training, as where it averages over the steps of long episodes."""
 
     def _paused(self, lane, until):
         return replace(super()._paused(lane, until), fitness=None, best_fitness=None)
@@ -105,7 +105,7 @@ def test_a_program_that_comes_again_is_at_no_place_in_a_later_race(tmp_path: Pat
         run(config, store, model, ToyChecker(), ToyTrainer(), TOY, make(config))
         results = store.lanes.results()
     assert results[lane(1)].message == "after 0.125 of its steps, at place 4 of 4"
-    assert results[lane(2)].message == "after 0.125 of its steps, at place 3 of 3"  # 9, 5 and 2 raced
+    assert results[lane(2)].message == "after 0.125 of its steps, at place 3 of 3"  # 9, 5 and 2 raced, not the second 1
 
 
 def test_final_trainings_are_whole(tmp_path: Path):
@@ -124,7 +124,7 @@ class Killed(BaseException):
 
 
 class Dies(ToyTrainer):
-    """Ends the process, as it were, after so many lanes."""
+    """Stands for a process that is killed after `left` lanes."""
 
     left: int = 0
 
@@ -191,22 +191,22 @@ def test_a_lane_that_ended_early_takes_few_episodes_from_the_others():
 
     assert affordable([trained(120_000)] * 8, 3) == 20  # 2 looks x 3 policies x 20 episodes x 100 steps
     assert affordable([*[trained(120_000)] * 7, trained(0)], 3) == 17
-    # At least 8, also where that is more than a tenth of the steps, and at most 64.
+    # At least 8, even if they take more than a tenth of the steps, and at most 64.
     assert (affordable([trained(1_000)] * 8, 3), affordable([trained(10**9)] * 8, 3)) == (8, 64)
     endless = replace(trained(120_000), curves={"episode_length": (None, None)})
-    assert affordable([endless] * 8, 3) == 8  # how long an episode is, nobody knows: longer than the training
+    assert affordable([endless] * 8, 3) == 8  # no episode ended in the training, so its length is unknown
 
 
 def test_a_lane_whose_state_was_lost_begins_anew(tmp_path: Path):
     class Alike(ToyTrainer):
-        """A population goes on or begins; it does not do both."""
+        """In a population, either all lanes continue or all begin."""
 
         def train(self, env, lanes, budget):
             assert len({lane.paused is None for lane in lanes}) == 1
             yield from super().train(env, lanes, budget)
 
     first, second = Dies(), Alike()
-    first.left = 10 + 3  # the first rung is decided, and three lanes are at the second
+    first.left = 10 + 3  # the first rung is decided, and three lanes have reached the second
     with pytest.raises(Killed):
         search(tmp_path / "run", first)
     kept = sorted((tmp_path / "run").rglob("paused.frame"))
@@ -237,7 +237,8 @@ def test_a_curriculum_is_no_place_for_rungs():
 
 
 class _Diverging(ToyTrainer):
-    """The reward worth 2 diverges before the first rung. `begun` is what lanes trained from, to which share."""
+    """The reward worth 2 diverges before the first rung. `begun` has, for each lane that was trained, the share that it
+    trains to, its id and the state that it begins from."""
 
     def __init__(self, stop: bool = False) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""More rewards are asked for than train: those that point the wrong way go, of the others those that differ stay."""
+"""More rewards are asked for than train. Those that disagree with F go; of the rest, the most different stay."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from openeureka.types import Candidate, Episodes, Place, RewardGraph, lane_id
 
 CONFIG = RunConfig(sample=2, iteration=2, screen=3, seeds=2, refill=0)
 FIRST, SECOND = (4, 6), (2, 7, -3, 5, 7.5, 30)
-"""Worths of the two rewards of generation 0, and of the six that are asked for then."""
+"""Worths of the two rewards of generation 0, and of the six that are asked for in generation 1."""
 
 
 def lane(worth: float) -> str:
@@ -44,7 +44,7 @@ def search(
 
 
 def witnesses(*lanes: Sequence[float]) -> list[Episodes]:
-    """Lanes with an episode of one step for each F."""
+    """Recorded episodes of lanes: for each F an episode of one step."""
     return [
         Episodes(fitness=tuple(own), steps=(1,) * len(own), owners=tuple(range(len(own))), states=b"") for own in lanes
     ]
@@ -59,10 +59,10 @@ def rated(slot: int, pay: Sequence[float], agreement: float | None = 1.0, prompt
 def test_agreement_is_the_rank_correlation_of_return_and_fitness():
     seen = witnesses([1.0, 2.0], [3.0, 4.0], [5.0, 6.0])
     assert rate(Place(1, 0), 0, [1, 8, 27, 64, 125, 216], seen).agreement == pytest.approx(1.0)
-    # Ranks of what is paid 2 1 4 3 6 5: one less six times the squares of their distances, 6, over 6 * 35.
+    # The returns have the ranks 2 1 4 3 6 5. Their squared distances sum to 6: 1 - 6 * 6 / (6 * 35).
     found = rate(Place(1, 0), 0, [20, 10, 40, 30, 60, 50], seen)
     assert found.agreement == pytest.approx(1 - 6 * 6 / (6 * 35))
-    # Without any of the lanes the ranks are 2 1 4 3: 1 - 6 * 4 / (4 * 15) = 0.6, three times. They do not differ.
+    # Without any one of the lanes the ranks are 2 1 4 3: 1 - 6 * 4 / (4 * 15) = 0.6 each time, so there is no error.
     assert found.error == pytest.approx(0.0)
     assert rate(Place(1, 0), 0, [6, 5, 4, 3, 2, 1], seen).agreement == pytest.approx(-1.0)
 
@@ -70,21 +70,22 @@ def test_agreement_is_the_rank_correlation_of_return_and_fitness():
 def test_the_error_is_that_of_leaving_out_a_lane():
     seen = witnesses([1.0, 2.0], [3.0, 4.0], [5.0, 6.0])
     found = rate(Place(1, 0), 0, [1, 2, 3, 4, 0, -1], seen)
-    # Ranks 3 4 5 6 2 1. Without the first lane 3 4 2 1: squares 4 4 1 9, 1 - 6 * 18 / 60 = -0.8; so without the second;
-    # without the third 1. Mean -0.2, squares 0.36 0.36 1.44, times 2/3.
+    # The returns have the ranks 3 4 5 6 2 1. Without the first lane these are 3 4 2 1, with squared distances 4 4 1 9:
+    # 1 - 6 * 18 / 60 = -0.8. Without the second it is -0.8, too, without the third 1. Jackknife: the mean is -0.2, the
+    # squared deviations are 0.36 0.36 1.44, times 2/3.
     assert found.error == pytest.approx(math.sqrt(2 / 3 * 2.16))
 
 
 def test_a_return_counts_the_steps_that_were_thinned_away():
     seen = [Episodes(fitness=(1.0, 2.0, 3.0), steps=(10, 30, 20), owners=(0, 0, 1, 2), states=b"")]
-    # Returns 1.5 * 10 = 15, 1 * 30 = 30 and 2 * 20 = 40.
+    # Returns, as mean pay times steps: 1.5 * 10 = 15, 1 * 30 = 30 and 2 * 20 = 40.
     assert rate(Place(1, 0), 0, [1, 2, 1, 2], seen).agreement == pytest.approx(1.0)
 
 
 def test_what_cannot_be_known_is_not_made_up():
     seen = witnesses([1.0, 2.0], [3.0])
     assert rate(Place(1, 0), 0, None, seen).pay is None
-    assert rate(Place(1, 0), 0, [1.0], seen).agreement is None  # not one number a state
+    assert rate(Place(1, 0), 0, [1.0], seen).agreement is None  # a number for each state is needed
     constant = rate(Place(1, 0), 0, [5.0, 5.0, 5.0], seen)
     assert (constant.agreement, constant.pay) == (None, None)
     level = rate(Place(1, 0), 0, [1.0, 2.0, 3.0], witnesses([1.0, 1.0], [1.0]))
@@ -117,8 +118,8 @@ def test_a_reward_that_pays_the_same_everywhere_comes_last():
     ("agreements", "kept"),
     [
         ((0.95, 0.93, 0.2), [True, True, False]),  # 0.2 and two errors of 0.05 are below 0.93 - 0.3
-        ((0.95, 0.93, 0.6), [True, False, True]),  # level within its error: then variety decides
-        ((0.2, 0.1, -0.3), [True, True, False]),  # below zero beyond its error
+        ((0.95, 0.93, 0.6), [True, False, True]),  # not clearly worse: then variety decides
+        ((0.2, 0.1, -0.3), [True, True, False]),  # clearly below zero
         ((0.2, 0.1, -0.05), [True, False, True]),
         ((0.95, 0.93, None), [True, False, True]),
     ],
@@ -150,7 +151,7 @@ def test_the_screen_is_open_until_something_played(tmp_path: Path):
     assert [len(generation.candidates) for generation in view.generations] == [2, 6]
     assert model.said == 8
     trained = [worth for worth in (*FIRST, *SECOND) if lane(worth) in trainer.trained]
-    # F of episodes: 2 to 9.1. What pays most near 2 or below falls where F rises; 7 and 7.5 pay alike.
+    # F of episodes is 3 to 9.1. The rewards worth 2 and -3 pay less where F is higher; those worth 7 and 7.5 pay alike.
     assert set(FIRST) < set(trained) and len(trained) == 4
     assert lane(2) not in trainer.trained and lane(-3) not in trainer.trained
     states = {str(c.place): c.state for c in view.candidates}
@@ -175,7 +176,7 @@ def test_numbers_of_a_decision_are_rows(tmp_path: Path):
 
 def test_a_run_without_a_screen_records_nothing(tmp_path: Path):
     class Old(ToyTrainer):
-        """Knows nothing of screens."""
+        """A trainer from before there were screens: it cannot record episodes."""
 
         def evaluate(self, env, policies, *, seed, episodes=0, dynamics=None, untrained=None):
             known = {"seed": seed, "episodes": episodes, "dynamics": dynamics, "untrained": untrained}
@@ -223,7 +224,7 @@ def test_damaged_episodes_are_no_evidence(tmp_path: Path):
         sampler = Sampler(config, store, model, ToyChecker(), TOY, nobody)
         history = store.history()
         samples = fill(1, make(config).ask(history, Random(0)), sampler, lanes, history)
-    # Nothing is known of any, so nobody is held to be wrong, and the earlier slots train.
+    # Nothing is known about any reward, so none counts as wrong, and the earlier slots train.
     assert [sample.verdict.accepted for sample in samples] == [True, True, False, False, False, False]
 
 
@@ -232,7 +233,7 @@ class Killed(BaseException):
 
 
 class Dies(ToyTrainer):
-    """Ends the process, as it were, when it is asked for the n-th time."""
+    """Stands for a process that is killed after `left` calls of the trainer."""
 
     left: int = 0
 
@@ -281,7 +282,7 @@ def test_a_run_that_is_killed_in_or_around_a_screen_goes_on_there(
 
 
 def test_a_decision_stands_whatever_is_computed_later(tmp_path: Path):
-    """Another machine may round otherwise: it trains those that were chosen."""
+    """Another machine may round differently, but it trains the rewards that were chosen."""
 
     class Elsewhere(ToyTrainer):
         def rewards(self, env, programs, episodes):
