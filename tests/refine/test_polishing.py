@@ -1,4 +1,4 @@
-"""The best policy is carried on: from its weights, under the leading rewards, judged as it is, and gone on with."""
+"""The best policy trains further: from its weights, under the leading rewards. It is compared with what it was."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from openeureka.ui import pages
 
 @dataclass
 class Runner(ToyTrainer):
-    """From a policy, a training gains `gained`, less 1 for each tenth of fresh weights."""
+    """A training that starts from a policy gains `gained` over it, less 1 for each tenth of fresh weights."""
 
     gained: float = 4.0
     failing: Sequence[str] = field(default_factory=list)
@@ -103,7 +103,7 @@ def test_lanes_go_on_from_the_policy_in_best_with_different_shares(tmp_path: Pat
 def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: Path) -> None:
     plain, carried = tmp_path / "plain", tmp_path / "carried"
     outcome, other = search(plain, Runner(error=0.1), polish=0), search(carried, Runner(error=0.1))
-    assert other == outcome  # the result of rewards does not know of it
+    assert other == outcome  # polishing leaves the comparison of rewards alone
     for name in ("reward.py", "policy.safetensors"):
         assert (carried / "best" / name).read_bytes() == (plain / "best" / name).read_bytes()
     assert (carried / "polished" / "policy.safetensors").read_bytes() == b"12.02"
@@ -118,7 +118,7 @@ def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: 
 
 def test_both_policies_are_compared_in_episodes_by_which_neither_was_chosen(tmp_path: Path) -> None:
     class Lucky(Runner):
-        """Each final training's luck in the held-out episodes, the more so the later its seed."""
+        """In held-out episodes F is higher by luck: by the number of the training's seed."""
 
         def evaluate(self, env, policies, *, seed, **options):
             for score in super().evaluate(env, policies, seed=seed, **options):
@@ -128,7 +128,7 @@ def test_both_policies_are_compared_in_episodes_by_which_neither_was_chosen(tmp_
     outcome = search(tmp_path, Lucky(gained=0.5))
     assert outcome.method.held_out == pytest.approx((8.01, 9.02))
     found = polished(tmp_path)
-    # The policy of seed 2 is in best/, and scores 7.02 where luck counts for nothing.
+    # The policy of seed 2 is in best/. In episodes without luck it scores 7.02.
     assert found.before is not None and found.before.fitness == pytest.approx(7.02)
     assert found.gain is not None and found.gain.value == pytest.approx(0.5) and found.better
 
@@ -139,7 +139,7 @@ def test_the_score_that_the_policy_was_chosen_by_does_not_stand_for_one_to_compa
     assert view.polished is not None and "noise" not in tables.polished(view, view.polished).note
     noisy = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
     assert "keep the noise of training" in tables.polished(replace(view, evaluations=noisy), view.polished).note
-    found = replace(view, tryouts={}).polished  # as before both are judged
+    found = replace(view, tryouts={}).polished  # as before the two are compared
     assert found is not None and found.before is None
 
 
@@ -147,7 +147,7 @@ def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
     search(tmp_path, Runner(gained=-2.0, error=0.1))
     found = polished(tmp_path)
     assert not found.better and found.best == found.began
-    assert found.chosen is not None and found.chosen.start.fresh == 0.0  # of those that lost the best
+    assert found.chosen is not None and found.chosen.start.fresh == 0.0  # the best of three that lost
     assert of_polishing(found).startswith("The policy that trained further is worse: F 5.02 ± 0.10 against 7.02 ± 0.10")
     assert not (tmp_path / "polished").exists()
 
@@ -166,7 +166,7 @@ def test_a_lane_too_short_for_an_episode_plays_all_the_same(tmp_path: Path) -> N
 def test_the_other_rewards_that_raced_carry_it_on_too(tmp_path: Path) -> None:
     trainer = Runner(error=0.6)
     outcome = search(tmp_path, trainer, polish=5)
-    # One apart in two looks, within 2 * sqrt(2 * 0.6**2 / 2) = 1.2.
+    # After two looks each they are 1 apart, within two standard errors: 2 * sqrt(2 * 0.6**2 / 2) = 1.2.
     assert outcome.best is not None and len(outcome.rivals) == 1
     own = outcome.best.candidate_id
     tries = polished(tmp_path).tries
@@ -175,7 +175,7 @@ def test_the_other_rewards_that_raced_carry_it_on_too(tmp_path: Path) -> None:
     ]
     for one in tries:
         assert trainer.specs[one.lane.id].rescaled == (one.lane.reward != own)
-    assert len({one.lane.seed for one in tries} | {0, 1, 2}) == 8  # nobody else's
+    assert len({one.lane.seed for one in tries} | {0, 1, 2}) == 8  # no seed is used twice
 
 
 def test_more_lanes_than_ways_come_again_with_further_seeds() -> None:
@@ -296,7 +296,7 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     search(tmp_path, Costly(), worths=(7.0, 5.0), limits="torque=75")
     found = polished(tmp_path)
     assert found.after is not None and found.after.fitness is not None and found.before is not None
-    assert found.after.fitness > (found.before.fitness or 0.0)  # more, and a torque of 100 and more
+    assert found.after.fitness > (found.before.fitness or 0.0)  # F is higher, but the torque is above 100
     assert not found.better and not (tmp_path / "polished").exists()
     assert "breaks a limit, torque" in of_polishing(found) and not found.breach_before
     view = RunView.read(tmp_path)
@@ -315,7 +315,7 @@ class Killed(BaseException):
 
 @dataclass
 class Dying(ToyTrainer):
-    """Is killed at a call of its; held out, the policies of every weighting break the limit."""
+    """Dies at its `left`-th event. In held-out episodes, every policy breaks the limit."""
 
     left: int = 1_000
 
@@ -353,7 +353,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Polished:
 def test_a_kill_before_or_in_a_polishing_that_follows_a_tuning_changes_nothing(
     undisturbed: Polished, tmp_path: Path, calls: int
 ) -> None:
-    """What is carried on is the one that the race left."""
+    """The policy that trains further is the one that won the search's race."""
     assert len(undisturbed.tries) == 2 and undisturbed.best is not None
     with suppress(Killed):
         tuned_and_polished(tmp_path, Dying(left=calls))

@@ -33,10 +33,11 @@ QUANTITIES = ("mass", "delay")
 
 @dataclass
 class Toughening(ToyTrainer):
-    """A policy loses ten times what its mass is off by, and a lane half of that where its ranges reach as far."""
+    """F falls by 10 |mass - 1| / (1 + w) + w / 10 + 20 delay, where w is the width of the range of masses that the lane
+    trained with."""
 
     killed: int = -1
-    """Lanes after which training stops."""
+    """Lanes after which training is interrupted; negative: never."""
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: Any) -> Iterator[Any]:
         for event in super().train(env, lanes, budget):
@@ -106,13 +107,13 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert [arm.name for arm in found.arms] == ["plain", "longer", "uniform", "r0", "r1"]
     plain, longer, _, _, ours = found.arms
     assert plain.hard is not None and ours.hard is not None
-    # Held out the toy's F is its worth, 8.01, less one, and lanes begin with that. Off by 0.3 costs 3, and 3 / 2.2 with
-    # ranges that are 1.2 wide.
+    # The policy that lanes begin with is worth 8.01, so F is 7.01 held out. A mass that is off by 0.3 costs 3, or
+    # 3 / 2.2 with ranges that are 1.2 wide, which themselves cost 0.12.
     assert plain.worlds["mass -30 %"].fitness == pytest.approx(4.01)
     assert ours.worlds["mass -30 %"].fitness == pytest.approx(7.01 - 3 / 2.2 - 0.12)
     assert (searched / "robust" / "ranges.yaml").read_text() == "mass: [0.4, 1.6]\n"
     assert (searched / "robust" / "policy.safetensors").read_bytes() == b"8.01/1.2000000000000002"
-    assert longer.worlds["mass -30 %"].fitness == pytest.approx(4.01)  # its own world taught it nothing
+    assert longer.worlds["mass -30 %"].fitness == pytest.approx(4.01)  # more training in its own world did not help
     assert told.arms(found).rows[1][:2] == ("longer", "none")
     assert told.verdict(found).startswith("In hard worlds the new policy is better: F ")
     unsure = {name: replace(score, error=9.0) for name, score in ours.worlds.items()}
@@ -120,7 +121,8 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert told.verdict(blurred).startswith("Not decided in hard worlds: F ")
     level = [{name: replace(score, error=1.0) for name, score in arm.worlds.items()} for arm in (plain, ours)]
     shared = replace(found, arms=(replace(plain, worlds=level[0]), replace(ours, worlds=level[1])))
-    # The worlds share start states: an error of 1 in each is one of 1 over all, and 1.96 * sqrt(2) = 2.77 of both.
+    # The worlds share start states, so an error of 1 in each is 1 in their mean. For the difference of two arms, the
+    # half width is 1.96 * sqrt(2) = 2.77.
     gap = ours.hard - plain.hard
     assert f"95 % interval {gap - 2.772:+.3g} to {gap + 2.772:+.3g}" in told.verdict(shared)
     mass = charts.carried(found)[0]
@@ -129,7 +131,7 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert told.carried(found).rows[0][0] == "mass"
     page = html.report(run, searched)
     assert "Robust in hard worlds" in page and "r1, chosen" in page
-    assert run.usage.prompt_tokens == 400  # the search's two replies, and these
+    assert run.usage.prompt_tokens == 400  # two replies of the search, and two of these
 
 
 @dataclass
@@ -155,7 +157,7 @@ class Recording(Toughening):
 
 @dataclass
 class Polishing(Recording):
-    """From a policy a lane gets better by 1."""
+    """A lane that starts from a policy gets better than it by 1."""
 
     def result(self, lane: LaneSpec) -> TrainingResult:
         found = super().result(lane)
@@ -166,13 +168,13 @@ class Polishing(Recording):
 
 
 def test_what_is_left_of_what_was_learnt_is_told_as_before(searched: Path) -> None:
-    """What was learnt is told by one untrained policy, not by another of each lane."""
+    """What was learnt is measured from one untrained policy, not from another one for each lane."""
     found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1).robust
     assert found is not None and found.before == found.after and found.before[0].low == 0.4
 
 
 def test_where_no_untrained_policy_played_what_is_left_is_unknown(searched: Path) -> None:
-    """As in what an older version left; going on lets one play, and nothing else twice."""
+    """As in a run of an older version. When it is resumed, an untrained policy plays, and nothing plays twice."""
     make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1)
     with sqlite3.connect(searched / FILENAME) as database:
         (trigger,) = database.execute("SELECT sql FROM sqlite_master WHERE name = 'trials_DELETE'").fetchone()
@@ -191,7 +193,7 @@ def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     model = ScriptedModel([TABLE.format(0.9, 1.1)])
     make(searched, model, Toughening(), sample=1)
     text = model.prompts[0].messages[-1].content
-    # Of 8.01 - 1 at its own mass; untrained it has -1: a tenth of the mass costs 1 of the 8.01 that it learnt.
+    # F is 7.01 at the robot's own mass and -1 untrained, so 8.01 was learnt. A tenth of the mass costs 1 of that.
     assert "- mass: 0.4: 1.01 (25%), 0.6: 3.01 (50%), 0.8: 5.01 (75%), 0.9: 6.01 (88%), 1: 7.01 (100%)" in text
     assert text.startswith("A policy is to be trained on under the same reward")
     assert "works from 0.8 to 1.2" in text and "- delay [s], 0 to 1" in text and "A cart." in text
@@ -238,7 +240,7 @@ def test_what_the_model_is_shown_is_not_played_where_policies_are_judged(searche
     trainer = Recording()
     make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
     judged, choosing = trainer.seeds[ROBUST], trainer.seeds[CHOOSING]
-    assert HELD_OUT not in trainer.seeds  # there the policy that all begin from may have been chosen
+    assert HELD_OUT not in trainer.seeds  # the best policy may have been chosen with these start states
     assert {name.partition(" ")[0] for name in judged} == {"hard"}
     assert {name.partition(" ")[0] for name in choosing} == {"sweep", "choose"}
 
@@ -255,8 +257,8 @@ class Straining(Toughening):
 
 def test_a_policy_that_breaks_a_limit_of_the_run_is_kept_only_where_all_do(tmp_path: Path) -> None:
     tables = [TABLE.format(0.4, 1.6), TABLE.format(0.9, 1.1), TABLE.format(0.8, 1.2)]
-    # Widths of 1.2, 0.2 and 0.4 take 36, 6 and 12 N m; the widest is the best in hard worlds. Where
-    # all break the limit, the one that is least beyond it is kept.
+    # Widths of 1.2, 0.2 and 0.4 take 36, 6 and 12 N m; the widest is the best in hard worlds. Where all break the
+    # limit, the one that is least beyond it is kept.
     for most, ours in ((40, "r0"), (20, "r2"), (1, "r1")):
         run = tmp_path / f"most_{most}"
         search_in(run, [reply(7), reply(8)], trainer=Straining(), limits=f"torque={most}")
@@ -323,7 +325,7 @@ def test_it_goes_on_where_it_was_killed_and_does_nothing_twice(searched: Path, t
     assert model.said == 2
     trainer = Toughening()
     run = make(searched, model, trainer)
-    assert model.said == 2 and len(trainer.trained) == 3  # of four lanes
+    assert model.said == 2 and len(trainer.trained) == 3  # the rest of four lanes
     again = Toughening()
     assert make(searched, model, again).robust == run.robust and again.trained == []
 
@@ -338,7 +340,7 @@ def test_chance_proposes_ranges_that_can_be_used(searched: Path) -> None:
 
 
 def test_lanes_whose_policies_are_equal_are_told_apart(searched: Path) -> None:
-    """A training that gets no better leaves the policy that every lane of its seed began with."""
+    """Trainings that get no better leave the policy that they began with, so all lanes have the same one."""
     run = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1)
     assert run.robust is not None and run.robust.ours == "r0" and run.robust.after
     assert run.robust.arms[0].worlds and run.best is not None and run.best.score == 7.0
@@ -377,7 +379,7 @@ def test_a_muscle_is_described_by_its_force() -> None:
 
 
 def test_it_goes_on_with_the_policy_that_it_began_with(searched: Path) -> None:
-    """A search that goes on meanwhile may find a better one."""
+    """A search that is resumed meanwhile may find a better one."""
     with pytest.raises(KeyboardInterrupt):
         make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), Toughening(killed=1), sample=1)
     with Store.open(searched, RunView.read(searched).config) as store:

@@ -1,4 +1,4 @@
-"""The numbers of a reward are fitted: found back where they were spoiled, raced, kept, and gone on with."""
+"""The numbers of a reward are fitted: spoiled ones are found again, raced and kept, and a stopped tuning goes on."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ HUMAN = """def compute_reward(speed, effort, posture, noise):
 """
 PLAIN = "```python\ndef compute_reward(distance):\n    return distance\n```\n"
 BEST = (2.0, 0.01, 0.5)
-"""What F wants of the first three numbers; of the last it wants nothing."""
+"""The first three numbers with which F is highest. The fourth does not matter."""
 
 
 class Reader:
-    """Accepts every text; its graph is its numbers. Refuses what holds more than 1000."""
+    """Accepts every text without a number above 1000. The graph holds the text's numbers."""
 
     def check(self, candidate: Candidate) -> Verdict:
         numbers = [weight.value for weight in weights(candidate.source)]
@@ -74,7 +74,7 @@ class Reader:
 
 @dataclass
 class Hill(ToyTrainer):
-    """F is 100 where the numbers are the best, and falls by 4 for each squared logarithm that one is off."""
+    """F is 100 with the numbers `BEST`, and falls by 4 log(own / best)**2 for each number."""
 
     noise: float = 0.0
     failing: Sequence[str] = field(default_factory=list)
@@ -118,7 +118,8 @@ def test_spoiled_numbers_find_the_way_back(tmp_path: Path, seed: int) -> None:
     trainer = Hill(noise=1.0, error=1.0)
     found = go(tmp_path, trainer, spoiled(seed), tune=48)
     before, after = (mean(found.finals[name].scores) or 0.0 for name in (ORIGINAL, found.after))
-    # Played and held out are one less than in training: 99 is the top. Three quarters of the way at least.
+    # Played and held-out scores are one less than in training, so 99 is the highest. The fitted numbers must go three
+    # quarters of the way there.
     assert after - before > 0.75 * (99.0 - before) - 1.0
     assert len([lane for lane in trainer.trained if lane.endswith("-s0")]) == 48
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
@@ -158,7 +159,7 @@ def test_a_round_at_the_end_of_a_search_is_no_more_than_a_quarter_of_its_trainin
     tune: int, sample: int, sizes: list[int]
 ) -> None:
     assert [len(own) for own in tuned.rounds(RunConfig(tune=tune, sample=sample))] == sizes
-    alone = config(tune=tune, sample=sample)  # `eureka tune sample=` says so itself
+    alone = config(tune=tune, sample=sample)  # in `eureka tune`, `sample=` is the size of a round
     assert {len(own) for own in tuned.rounds(alone)} == {sample}
 
 
@@ -171,7 +172,8 @@ def test_the_text_as_it_came_is_the_first_of_the_first_round(tmp_path: Path) -> 
 
 
 def test_a_text_that_a_search_cut_is_no_low_weighting(tmp_path: Path) -> None:
-    """Half a training says nothing beside whole ones: for the proposals it stands in the middle."""
+    """The score of half a training cannot be compared with those of whole ones. For the proposals it counts as the
+    median."""
 
     class Halved(Hill):
         def result(self, lane: LaneSpec) -> TrainingResult:
@@ -257,7 +259,7 @@ def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) ->
 
 @dataclass
 class Dear(ToyTrainer):
-    """The second text leads: it is as good as the first one with fresh seeds, and costs too much with the third."""
+    """With fresh seeds, the second text is as good as the first, and leads. With the third one it breaks the limit."""
 
     seen: list[object] = field(default_factory=list)
     dear: str = "none"
@@ -287,7 +289,7 @@ def test_numbers_that_left_to_a_leader_that_breaks_a_limit_race_on(tmp_path: Pat
     assert found is not None and found.after == "trial_2"
     ids = {trial.name: trial.candidate.id for trial in found.trials}
     fresh = {name: [int(lane[-1]) for lane in trainer.trained if lane.startswith(ids[name])][1:] for name in ids}
-    assert (fresh["trial_1"], fresh["trial_2"]) == ([5, 6, 7], [5, 6, 8])  # 1 to 4 may crown what the search found
+    assert (fresh["trial_1"], fresh["trial_2"]) == ([5, 6, 7], [5, 6, 8])  # 1 to 4 are for the race of the search
 
 
 @pytest.fixture(scope="module")
@@ -413,7 +415,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
 
 
 class Wavering(ToyTrainer):
-    """What other numbers than 7 and 12 are worth is up to the seed, so that their race takes all of them."""
+    """Numbers other than 7 and 12 have a worth that depends on the seed, so that their race needs all seeds."""
 
     def result(self, lane: LaneSpec) -> TrainingResult:
         assert isinstance(lane.program, RewardGraph | str)
@@ -424,7 +426,7 @@ class Wavering(ToyTrainer):
 
 
 class Dies(Wavering):
-    """Ends the process, as it were, when the final trainings of a tuning are to be judged."""
+    """Stands for a process that ends when the final trainings of a tuning are to be judged."""
 
     def evaluate(self, env, policies, *, seed, **options):
         if 1_000_000 < seed < 2_000_000 and any(lane.endswith("-s4") for lane in policies):
@@ -437,7 +439,7 @@ def _worth(value: float) -> RewardGraph:
 
 
 def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Path) -> None:
-    """The race of the numbers has seeds of its own: those that crowned the text as it came lean towards that."""
+    """The race of the numbers uses other seeds: those with which the original text won the search's race favour it."""
 
     def search(name: str, tune: int, trainer: ToyTrainer) -> RunView:
         wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=3, tune=tune)
@@ -461,7 +463,7 @@ def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Pat
 
 
 class Settled(ToyTrainer):
-    """Other numbers than 7 and 12 are worth less, and so is what trains with the seeds of a tuning."""
+    """Numbers other than 7 and 12 are worth 1. With the seeds of a tuning, from 4 on, 7 and 12 are worth 11."""
 
     def result(self, lane: LaneSpec) -> TrainingResult:
         known = isinstance(lane.program, str) or lane.program.nodes[0].args[0] in (7.0, 12.0)
@@ -512,7 +514,7 @@ def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) 
 def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_take_that_for_its_own(
     tmp_path: Path, search: str
 ):
-    """8 leads in training; to be played scores a point less, which would let 7.5 come before it."""
+    """8 leads in training. Played scores are one less: if those of the tuning counted, 7.5 would come before it."""
 
     def found(tune: int):
         wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=tune, search=search)
@@ -525,7 +527,7 @@ def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_t
     assert fitted_too.tuned is not None and fitted_too.history == alone.history
     assert fitted_too.outcome is not None and alone.outcome is not None
     assert fitted_too.outcome.best == alone.outcome.best and fitted_too.outcome.share == 1.0
-    # Before and after are judged alike: by the only policy that stands for a lane in this search.
+    # Original and fitted numbers are judged alike: by the only policy that stands for a lane in this search.
     assert {score.peak for score in fitted_too.evaluations.values()} == {"fitness"}
 
 
@@ -559,7 +561,7 @@ def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -
 
 
 class Hungry(ToyTrainer):
-    """A policy of worth w takes a torque of 10 w; on held-out episodes some more of what is worth more than 7.2."""
+    """A policy of worth w takes a torque of 10 w. In held-out episodes, one worth above 7.2 takes `more` on top."""
 
     more = 0.0
 
@@ -591,7 +593,7 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(
     else:
         assert found.better == found.after and "7.0 * x" not in best and not found.breach
     assert view.best_text is not None and view.best_text.source == best
-    # What the search compared and tried has the numbers as they came: `best/` is another reward by now.
+    # The search compared and tried the original numbers. If fitted ones won, `best/` holds another reward.
     assert ("before its numbers were fitted" in tables.worlds(view).note) == (not more)
     open_ = Difference(value=0.5, low=-0.5, high=1.5, seeds=9)
     monkeypatch.setattr(Outcome, "difference", property(lambda outcome: open_))
