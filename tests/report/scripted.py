@@ -25,7 +25,7 @@ def search_in(
     tell: Tell = nobody,
     **settings: object,
 ) -> Path:
-    """Run a toy search of two slots; what stops the model or the trainer stops it there."""
+    """Run a toy search of two slots. An exception of the model or the trainer ends it there."""
     config = RunConfig(**{"env": "toy", "sample": 2, "iteration": 1, "refill": 0, "seeds": 1, **settings})  # type: ignore[arg-type]
     with Store.open(directory, config) as store:
         model, trainer = model or ScriptedModel(script), trainer or ToyTrainer()

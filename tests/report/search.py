@@ -1,4 +1,4 @@
-"""A small made-up search, whose numbers the tests of the report know by heart."""
+"""A small made-up search, whose numbers the tests of the report expect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from openeureka.types import (
 
 
 def trained(generation: int, slot: int, fitness: float | None, source: str = "", attempts: int = 1) -> Scored:
-    """A slot whose program was accepted and trained; None: it diverged."""
+    """A slot whose program was accepted and trained; with a fitness of None, the training diverged."""
     candidate = Candidate.of(source or f"# reward {generation}.{slot}")
     sample = Sample(
         generation=generation,
@@ -47,7 +47,7 @@ def refused(generation: int, slot: int, message: str) -> Scored:
 
 
 def result(lane: str, fitness: float | None) -> TrainingResult:
-    """A training of two epochs; None: it diverged."""
+    """A training of two epochs; with a fitness of None, it diverged."""
     return TrainingResult(
         lane=lane,
         state=TrainingState.DIVERGED if fitness is None else TrainingState.FINISHED,

@@ -10,7 +10,7 @@ from .scripted import search_in
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """A finished toy run whose best policy is a real one; rendering gives text."""
+    """A finished toy run with a real network as its best policy; rendering is faked."""
     filmed = []
 
     def render(env: str, *_: object, **__: object) -> bytes:
@@ -71,7 +71,7 @@ def test_a_task_that_is_not_at_hand_leaves_what_was_made_of_it(run):
     directory, _ = run
     build.build(directory, "none", "cartpole")
     before = (directory / "best" / "policy.onnx").read_bytes()
-    assert b"observation_clip" in before  # what a file made without the task cannot say
+    assert b"observation_clip" in before  # which is unknown without the task
     assert build.build(directory, "none")[0].startswith("No video and no new policy.onnx: the run's task is no")
     assert build.build(directory, "none", "moved.py")[0].startswith("There is no file ")
     assert (directory / "best" / "policy.onnx").read_bytes() == before

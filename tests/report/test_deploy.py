@@ -43,7 +43,8 @@ def folder(wanted: Policy, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_script_acts_as_the_policy_does_here(wanted: Policy, folder: Path):
-    """On an observation of its own, under commands of four worlds, from the drop to the ground on."""
+    """The script computes the observation itself. It is compared in four worlds with their own commands, from the drop
+    on."""
     spec = importlib.util.spec_from_file_location("sim2sim", folder / "sim2sim.py")
     assert spec is not None and spec.loader is not None
     sim2sim = importlib.util.module_from_spec(spec)
@@ -121,7 +122,7 @@ def test_a_drive_without_a_limit_is_said_to_have_none(wanted: Policy, monkeypatc
     spec, model = Anymal.compiled()
     model.actuator_forcelimited[:3] = 0
     model.actuator_forcerange[:3] = 0.0
-    model.jnt_actfrclimited[2:4] = 1  # the first is the base's: these are the second and the third of the legs'
+    model.jnt_actfrclimited[2:4] = 1  # 0 is the base's free joint: these are the legs' second and third
     model.jnt_actfrcrange[2:4] = [-30.0, 30.0]
     monkeypatch.setattr(Anymal, "compiled", lambda: (spec, model))
     found = export.deployed(wanted, Anymal)
@@ -167,7 +168,7 @@ DEPLOYMENT = Deployment(
 
 
 class Leg(Task):
-    """One driven joint on a base that falls."""
+    """One driven joint on a base with a free joint."""
 
     env, suite, description = "leg", "own", "to stand"
     episode_length, control_dt, substeps = 100, 0.02, 4
@@ -225,7 +226,7 @@ def test_the_file_tells_what_the_joint_adds_to_its_drive(leg: type[Leg]):
     (leg.folder / "leg.xml").write_text(text)
     about = yaml.safe_load(export.deployed(policy(5, 1, (8,)), leg)["deploy.yaml"])
     assert (about["passive_stiffness"], about["passive_rest"], about["friction_loss"]) == ([4.0], [0.3], [0.6])
-    assert about["armature"] == [pytest.approx(0.03)] and about["passive_damping"] == [3.5]  # 3 of the joint
+    assert about["armature"] == [pytest.approx(0.03)] and about["passive_damping"] == [3.5]  # joint 3, drive 0.5
 
 
 def test_the_file_tells_targets_limits_and_both_dampings(leg: type[Leg], tmp_path: Path):
@@ -240,7 +241,7 @@ def test_the_file_tells_targets_limits_and_both_dampings(leg: type[Leg], tmp_pat
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     controller = script.Controller(tmp_path)
-    # Whole actions ask for 0.1 - 0.5 and 0.1 + 0.5 rad; the drive goes no further than 0.2.
+    # Actions of -1 and 1 ask for 0.1 - 0.5 and 0.1 + 0.5 rad; the drive goes no further than 0.2.
     for action, target in ((-1.0, -0.4), (1.0, 0.2)):
         controller.session = SimpleNamespace(run=lambda *_, action=action: [np.array([[action]], np.float32)])
         assert controller.act(np.zeros(5, np.float32)) == pytest.approx([target])
@@ -347,7 +348,7 @@ def test_a_refusal_leaves_no_file_of_before_beside_a_new_network(
     assert build.policy_files(tmp_path, "best", "none", "leg") == ""
     made = {path.name for path in (tmp_path / "best").rglob("*") if path.is_file()}
     assert made == {"policy.safetensors", *export.PROGRAMS, "0_trunk.stl"}
-    # What cannot be read here says nothing against the files that were made where it could.
+    # A mesh that cannot be read now says nothing against files that were made when it could.
     (tmp_path / "shapes").rename(tmp_path / "gone")
     assert "trunk.stl" in build.policy_files(tmp_path, "best", "none", "leg")
     assert made == {path.name for path in (tmp_path / "best").rglob("*") if path.is_file()}

@@ -10,14 +10,14 @@ from .test_verdict import ended
 
 
 def test_two_rewards_stand_on_one_axis_with_the_interval_of_their_difference():
-    # Means 50 and 40, the interval of the difference +10 is +-6.09 (see test_verdict): laid from 40 it is 43.91 to
-    # 56.09. The axis has an 18th of 39 to 56.09 at either end: 38.05 to 57.04, 18.99 wide.
+    # Means 50 and 40; the difference is 10 +- 6.09 (see test_verdict). Its bar is drawn from the human mean, 40: from
+    # 43.91 to 56.09. The axis adds an 18th of 39 to 56.09 at either end: 38.05 to 57.04, 18.99 wide.
     plot = dots.of(ended([49.0, 51.0], [39.0, 41.0]))
     assert plot is not None and plot.word == "better"
     generated, human = plot.rows
     assert generated.mean == pytest.approx(62.9, abs=0.1) and human.mean == pytest.approx(10.3, abs=0.1)
     assert plot.bar == (pytest.approx(30.9, abs=0.1), pytest.approx(95.0, abs=0.1))
-    assert plot.bar[0] > human.mean  # as it is sure, the bar is beyond the line
+    assert plot.bar[0] > human.mean  # the difference is sure, so its bar does not reach the human mean
     assert [x for x, _ in human.seeds] == [pytest.approx(5.0, abs=0.1), pytest.approx(15.5, abs=0.1)]
     assert [text for _, text in plot.ticks] == ["40", "45", "50", "55"]
 

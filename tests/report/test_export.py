@@ -50,7 +50,7 @@ def test_the_file_names_its_task_and_its_sizes():
 
 def test_the_example_plays_the_file_on_plain_mujoco(tmp_path, monkeypatch, capsys):
     """A hand-made linear policy that balances: the force follows the pole's angle and rate."""
-    # ELU is the identity above 0: ten more before it, ten less after it.
+    # ELU is the identity above 0: so ten is added before it and subtracted after it.
     tensors = {"w0": torch.tensor([[-0.1, -0.2, 2.0, 0.5]]).T, "b0": torch.tensor([[10.0]])}
     tensors |= {"head_w": torch.tensor([[-1.0, 0.0]]), "head_b": torch.tensor([[10.0, 0.0]])}
     tensors |= {"log_std": torch.zeros(1, 1)}

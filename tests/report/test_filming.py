@@ -18,7 +18,7 @@ SEVEN, EIGHT = (Candidate.of(program(n)).id for n in (7, 8))
 
 @pytest.fixture
 def camera(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What was filmed, instead of films; toy policies are their worth as text."""
+    """The policies that would have been filmed. A toy policy is its worth as text."""
     filmed: list[str] = []
 
     def render(env: str, policy: bytes, **_: object) -> bytes:
@@ -42,7 +42,7 @@ def test_the_search_goes_on_while_a_film_takes_its_time(monkeypatch, tmp_path):
     monkeypatch.setattr(video, "render", lambda *_, **__: developed.wait(60) and b"mp4")
     with Filming(tmp_path, CONFIG) as films:
         search_in(tmp_path, [reply(7), reply(8)], tell=films)
-        assert RunView.read(tmp_path).outcome is not None  # finished, and not one film is
+        assert RunView.read(tmp_path).outcome is not None  # the search is finished, and no film is
         assert not list(tmp_path.glob("lanes/*/video.mp4"))
         developed.set()
     assert len(list(tmp_path.glob("lanes/*/video.mp4"))) == 4

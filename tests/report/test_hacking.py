@@ -15,7 +15,7 @@ from .page import words
 
 
 def judged(concentration: float) -> RunView:
-    """A finished run whose policies were tried in one changed world; F rests on few moments to this degree."""
+    """A finished run whose best policy was tried in a changed world. F rests on few moments by `concentration`."""
     run = search.finished()
     scores = {
         lane: dataclasses.replace(e, error=0.5, concentration=concentration) for lane, e in run.evaluations.items()
@@ -71,7 +71,7 @@ def test_a_run_that_was_never_tried_says_nothing(tmp_path: Path) -> None:
 
 def test_broken_physics_is_told_where_it_was_seen(tmp_path: Path) -> None:
     run = judged(0.06)
-    assert "breaks the physics" not in words(html.report(run, tmp_path)), "an older run did not count it"
+    assert "breaks the physics" not in words(html.report(run, tmp_path)), "the run counted no broken episodes"
     broken = {lane: dataclasses.replace(score, lost=12) for lane, score in run.evaluations.items()}
     run = dataclasses.replace(run, evaluations=broken)
     assert "| breaks the physics | SUSPECTED | In 2 of 2 trainings" in words(html.report(run, tmp_path))

@@ -29,8 +29,8 @@ def test_f_that_falls_while_the_own_reward_rises_is_told():
     told = hints(trained(fitness=fitness, reward=list(EPOCHS)))
     assert len(told) == 1 and told[0].startswith("F fell from 50 at epoch 50 to -")
     assert hints(trained(fitness=fitness, reward=[-n for n in EPOCHS])) == ()
-    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=950.0) == told  # F spans 98
-    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=1000.0) == ()  # as noise beside the best
+    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=950.0) == told  # F spans 98: more than a tenth
+    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=1000.0) == ()  # less: noise
 
 
 def test_f_that_still_rises_is_told_and_one_that_is_flat_is_not():

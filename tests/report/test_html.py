@@ -1,4 +1,4 @@
-"""The page is parsed as a browser would, and everything hostile in it must have come out as text."""
+"""The page is parsed as a browser would, and everything hostile in it must be text."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Page(HTMLParser):
         self.attributes: list[tuple[str, str]] = []
         self.text = ""
         self.bare = re.sub(r"(<(style|script)[^>]*>).*?(</\2>)", r"\1\3", text, flags=re.DOTALL)
-        """Without what the package itself put there."""
+        """The page without the package's own styles and script."""
         self.feed(self.bare)
         self.flat = " ".join(self.text.split())
 
@@ -141,7 +141,7 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     assert page(directory).links()[1] == "data:video/mp4;base64,bXA0"
     assert "<video controls muted loop playsinline" in html.report(
         RunView.read(directory), directory
-    )  # within the page
+    )  # plays within the page
     assert f"lanes/{result.lane}/video.mp4" in page(directory).links()
     with (directory / "best" / "video.mp4").open("wb") as file:
         file.truncate(html.MAX_EMBEDDED + 1)
@@ -188,7 +188,7 @@ def test_a_report_offers_what_the_run_has_files_for_and_says_which_folder_is_mea
     monkeypatch.chdir(tmp_path)
     shown = page(directory).flat
     assert "eureka play run" in shown and "the folder of this file" not in shown
-    (directory / "best" / "policy.safetensors").unlink()  # as of an archive, which keeps the rows alone
+    (directory / "best" / "policy.safetensors").unlink()  # as in an archive, which keeps rows but no policies
     shown = page(directory).flat
     assert "eureka play" not in shown and "eureka train" not in shown
 

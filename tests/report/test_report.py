@@ -18,7 +18,7 @@ def report(run: RunView) -> str:
 
 def test_the_report_opens_with_the_verdict_of_the_final_scores():
     head, *_ = report(finished()).split("## ")
-    # 44 and 48 against 58 and 60: the spread of both together is sqrt((8 + 2 + 0) / 2) = 2.24, the difference -13.
+    # 44 and 48 against 58 and 60: the pooled spread is sqrt((8 + 2 + 0) / 2) = 2.24, the difference -13.
     assert "The generated reward is worse than the human one: F 46 (2 seeds) against 59 (2 seeds)" in head
     assert "It pays for" not in head and "Its components: $upright." in head
 

@@ -27,7 +27,7 @@ def test_a_diverged_slot_without_a_score_counts_in_no_mean():
 
 
 def test_the_mean_of_a_generation_is_of_the_slots_that_its_best_is_one_of():
-    """Of 40, 30 and 10, the 40 diverged and the 10 breaks a limit: its falls are 0.9."""
+    """Of three slots, the one with 40 diverged, and the one with 10 breaks a limit, with falls of 0.9."""
     entries = [trained(0, slot, fitness) for slot, fitness in enumerate((40.0, 30.0, 10.0))]
     assert entries[0].result is not None
     entries[0] = replace(entries[0], result=replace(entries[0].result, state=TrainingState.DIVERGED))

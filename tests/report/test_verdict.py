@@ -98,7 +98,7 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
         ([40.0, 42.0], [39.0, 41.0], f"{AGAIN} seed=3 seeds=17"),
         ([41.0], [40.0], f"{AGAIN} seed=2 seeds=3"),
         ([49.0, 51.0], [39.0, 41.0], "eureka play DIR"),
-        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR"),  # too many
+        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR"),  # it would take more than 100 seeds
     ],
 )
 def test_what_to_type_next_names_the_seeds_that_would_decide(
@@ -146,7 +146,7 @@ def test_the_best_f_in_lists_of_runs_is_none_of_a_rejected_reward(tmp_path: Path
     with Store.open(directory, RunView.read(directory).config) as store:
         before = store.glance().fitness
         store.remarks.say(Remark(kind=RemarkKind.VETO, place=Place(0, 1)))
-        assert store.glance().fitness == before, "nobody has heard it yet"
+        assert store.glance().fitness == before, "the veto has not been heard yet"
         store.remarks.hear(0)
         ranking = Ranking(store.history())
         assert ranking.best is not None and store.glance().fitness == ranking.best.score != before
@@ -161,7 +161,7 @@ def test_before_the_end_nothing_is_claimed() -> None:
     ("generated", "human", "sparse", "told"),
     [
         ((49.0, 51.0), (39.0, 41.0), 0.0, ("1.25", "1.25")),
-        ((40.0, 42.0), (39.0, 41.0), 39.9, ("-", "-")),  # 11 of a distance of 0.1, and nothing is decided
+        ((40.0, 42.0), (39.0, 41.0), 39.9, ("-", "-")),  # (41 - 39.9) / (40 - 39.9) = 11, but not decided
         ((49.0,), (40.0,), 0.0, ("-", "-")),
         ((49.0, 51.0), (39.0, 41.0), 50.0, ("-", "-")),  # the 0 of the scale would be above its 1
         ((49.0, 51.0), (39.0, 41.0), 40.0, ("-", "-")),
@@ -177,7 +177,7 @@ def test_a_score_is_told_where_it_is_decided_and_its_zero_is_below_its_one(
 
 
 def test_every_account_of_a_run_tells_the_same_score(tmp_path: Path) -> None:
-    """Of a run whose seeds do not decide, none does."""
+    """Where the seeds do not decide, no account tells a score."""
     view = ended([40.0, 42.0], [39.0, 41.0])
     sparse = Evaluation(lane="sparse-s1", fitness=0.0, episode_length=9.0, episodes=4)
     view = replace(view, evaluations={**view.evaluations, sparse.lane: sparse})

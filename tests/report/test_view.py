@@ -24,7 +24,7 @@ class Interrupted(Exception):
 
 
 class Interrupting(ScriptedModel):
-    """Breaks where its script ends."""
+    """Raises an exception where its script ends."""
 
     def sample(self, prompt, *, n, seed):
         for said in super().sample(prompt, n=n, seed=seed):
@@ -130,7 +130,7 @@ def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
     monkeypatch.setattr(baselines, "chosen", lambda config: measured)
     view = RunView.read(search_in(tmp_path / "run", [reply(7), reply(8)], baselines="known"))
     assert view.outcome is not None
-    assert view.outcome.normalised == pytest.approx((7.01 - 5) / (10 - 5))  # seed 1, held out one less
+    assert view.outcome.normalised == pytest.approx((7.01 - 5) / (10 - 5))  # 8.01 with seed 1, one less held out
     note = tables.final(view, view.outcome).note
     assert measured.sentence() in note and "deterministic actions" in note
     scores = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
