@@ -168,7 +168,7 @@ def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
     state = simulation.current_state()
     assert state["forward_speed"].tolist() == [2.0, -1.0]
     assert simulation.task.sparse_reward(state).tolist() == [2.0, -1.0]
-    # The model file has the torso at 0.75 m, but the ant stands with it at 0.41 m. Of that, 0.6 is 0.243 m.
+    # The model file has the torso at 0.75 m, but the ant stands with it at 0.405 m. Of that, 0.6 is 0.243 m.
     low = {**state, "height": torch.tensor([0.23, 0.26])}
     assert simulation.task.terminated(low).tolist() == [True, False]
     assert simulation.task.ends == "An episode ends early when torso is lower than 0.243 m."
@@ -263,7 +263,7 @@ def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
     # The puck counts as there within a fifth of the 0.4 m at the start, 0.08 m: sqrt(0.05^2 + 0.02^2) = 0.054 m does.
     assert task.sparse_reward(state).tolist() == [0.0, 1.0]
     nearer = {**state, "arm_pos": state["puck_pos"]}
-    assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not rewarded near the puck"
+    assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "reward does not rise near the puck"
 
 
 def test_an_edit_of_the_model_leaves_what_a_draft_measures(tmp_path: Path):

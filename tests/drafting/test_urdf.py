@@ -61,7 +61,8 @@ def arm(tmp_path: Path) -> Path:
 
 def test_joint_limits_become_actuators(arm: Path):
     model = read_urdf(arm).compile()
-    assert [model.actuator(i).name for i in range(model.nu)] == ["shoulder", "roll"]  # none if without effort, or mimic
+    # A joint without effort, or one that mimics another, gets no actuator.
+    assert [model.actuator(i).name for i in range(model.nu)] == ["shoulder", "roll"]
     servo, motor = model.actuator("shoulder"), model.actuator("roll")
     assert servo.ctrlrange.tolist() == [-1.0, 2.0] and servo.forcerange.tolist() == [-20.0, 20.0]
     assert servo.gainprm[0] == 80.0  # full effort, 20 N m, at an error of 0.25 rad
