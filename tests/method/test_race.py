@@ -149,7 +149,7 @@ def drawn(random: Random, names: list[str], seeds: int) -> bool:
 
 
 @pytest.mark.parametrize(("seeds", "raced"), [(2, 1), (3, 3), (10, 1), (20, 1)])
-def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, raced: int) -> None:
+def test_a_race_of_equals_ends_with_better_or_worse_in_five_of_a_hundred(seeds: int, raced: int) -> None:
     random = Random(f"{seeds} {raced}")
     wrong = sum(drawn(random, [f"reward {number}" for number in range(raced)], seeds) for _ in range(1000))
     assert wrong <= 70  # at most 50 are to be expected; 70 is three standard errors more
