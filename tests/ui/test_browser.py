@@ -331,7 +331,7 @@ def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, se
     expect(names).to_have_text(["g0s1"])
     page.locator(".tree").get_by_role("link", name="g1s1").click()
     expect(page.get_by_text("Made from generation 0, slot 0.")).to_be_visible()
-    page.get_by_role("link", name="beside its parent g0s0").click()
+    page.get_by_role("link", name="compare with its parent g0s0").click()
     expect(page.locator("section.candidate")).to_have_count(2)
 
 

@@ -186,7 +186,7 @@ def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
         page.get_by_role("slider", name="Mass, times").fill("2")
     assert scaled.value.status == 204
     with page.expect_response("**/play/g0s0") as renewed:
-        page.get_by_role("button", name="Begin anew").click()
+        page.get_by_role("button", name="Restart").click()
     assert renewed.value.status == 204
     page.get_by_role("button", name="Stop").click()
     expect(canvas).to_be_hidden()
