@@ -26,4 +26,4 @@ def test_intervals_of_the_three_tasks_hold_together():
     apart = {"seeds": [1, 2, 3], "generated": [4.0, 5.0, 6.0], "human": [1.0, 2.0, 3.0], "difference": [3, 0.7, 5.3]}
     ((task, *_, between, ending, crowned),) = mended.rows({"ant": {"crowned": "g0s1", "steps": 1, "confirmed": apart}})
     assert (task, between, ending, crowned) == ("ant", "3 (-0.234 to 6.23)", "level", "g0s1")
-    assert mended.summary({"ant": {"confirmed": apart}}).startswith("With the mended prompts 1 of 1 are")
+    assert mended.summary({"ant": {"confirmed": apart}}).startswith("With the mended prompts, the generated reward is")

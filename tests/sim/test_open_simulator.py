@@ -62,7 +62,7 @@ def test_a_driver_that_is_too_old_for_warp_is_one_sentence(monkeypatch: pytest.M
     monkeypatch.setattr(sim, "find_spec", lambda _: object())
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     with pytest.raises(
-        ConfigError, match=rf"newer NVIDIA driver: .* torch sees 2 GPUs, but MuJoCo Warp can use {said}; update"
+        ConfigError, match=rf"newer NVIDIA driver: .*torch sees 2 GPUs, but MuJoCo Warp can use {said}; update"
     ):
         check_device("cuda")
     check_device("warp-cpu")
