@@ -135,6 +135,12 @@ def test_an_emptied_environment_stays_empty(worker: Worker):
     assert set(seen) - {"LC_CTYPE"} == {"PYTHONPATH"}
 
 
+def grouped() -> bool:
+    """Whether the kernel gives each session a share of the processor (sched(7), autogroup)."""
+    switch = Path("/proc/sys/kernel/sched_autogroup_enabled")
+    return switch.exists() and switch.read_text().strip() == "1"
+
+
 def test_a_polite_worker_yields_to_this_process():
     with Worker("echo_worker", env={"PYTHONPATH": HERE}, nice=3) as child:
         child.send({"do": "echo"})
@@ -145,7 +151,7 @@ def test_a_polite_worker_yields_to_this_process():
     assert its == min(19, mine + 3)
 
 
-@pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="this kernel makes no groups of sessions")
+@pytest.mark.skipif(not grouped(), reason="this kernel makes no groups of sessions")
 @pytest.mark.parametrize(("nice", "expected"), [(0, "nice 10"), (None, "nice 0")])
 def test_of_a_polite_process_the_sessions_of_workers_yield_too_unless_somebody_waits(nice: int | None, expected: str):
     script = (
