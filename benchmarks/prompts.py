@@ -101,17 +101,17 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def summary(study: Mapping[str, Record]) -> str:
-    """Whether advice makes a difference on any task, and how large it is compared with its error (Student's test)."""
+    """Whether advice makes a difference on any task, and how large it is compared with its error (Student's test).
+    Several tasks are asked, so each takes more (Bonferroni)."""
     told, sure = "", False
     for env, own in study.items():
-        lanes = _lanes(own)
-        found = ttest_ind(*(_scores(lanes, ids) for ids in own["rewards"].values()))
-        sure = sure or found.pvalue < 1 - CONFIDENCE
+        found = ttest_ind(*(_scores(_lanes(own), ids) for ids in own["rewards"].values()))
+        sure = sure or found.pvalue < (1 - CONFIDENCE) / len(STEPS)
         told += (
-            f" On {env} the difference is {abs(found.statistic):.1f} times its standard error; without any effect, "
-            f"chance makes so large a one in {100 * found.pvalue:.0f} % of cases."
+            f" On {env} the difference is {abs(found.statistic):.1f} times its standard error (p = {found.pvalue:.2g})."
         )
-    return f"{'A difference is shown on one task or more' if sure else 'No difference is shown'}.{told}"
+    asked = f"{len(STEPS)} tasks are asked, so it takes p below {(1 - CONFIDENCE) / len(STEPS):.2g}"
+    return f"{'A difference is shown' if sure else 'No difference is shown'}: {asked}.{told}"
 
 
 def _lanes(own: Record) -> dict[str, list[float]]:

@@ -46,12 +46,14 @@ def trained(**rewards: list[float]) -> dict[str, Any]:
     }
 
 
-def test_advice_is_decided_where_chance_makes_such_a_difference_in_one_of_twenty_cases_at_most():
+def test_advice_is_decided_where_chance_rarely_makes_such_a_difference_on_any_of_the_tasks():
     # Means 2 and 3, each of three values with variance 1: the standard error is sqrt(2 / 3), and t is 1.22 with four
     # degrees of freedom.
     said = prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[2.0, 3.0, 4.0])})
-    assert said.startswith("No difference is shown. On ant the difference is 1.2 times its standard error")
-    assert said.endswith("in 29 % of cases.")
+    assert said.startswith("No difference is shown: 3 tasks are asked, so it takes p below 0.017.")
+    assert said.endswith("On ant the difference is 1.2 times its standard error (p = 0.29).")
+    # Means 2 and 4.5: t is 3.06 and p 0.038, which would be enough for a single task.
+    assert prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[3.5, 4.5, 5.5])}).startswith("No difference is shown")
     assert prompts.summary({"ant": trained(a=[1.0, 2.0, 3.0], b=[9.0, 10.0, 11.0])}).startswith("A difference is shown")
 
 
