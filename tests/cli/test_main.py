@@ -162,11 +162,6 @@ def test_an_opengl_that_is_not_here_ends_nothing_that_draws_nothing(module):
     assert done.stdout == "no-such-thing Renderer\n", done.stderr
 
 
-def test_ctrl_c_exits_with_130(monkeypatch):
-    fail_with(KeyboardInterrupt(), monkeypatch)
-    assert run("context") == 130
-
-
 def test_a_programming_error_stays_loud(monkeypatch):
     fail_with(ZeroDivisionError("bug"), monkeypatch)
     with pytest.raises(ZeroDivisionError):
