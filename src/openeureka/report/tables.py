@@ -165,7 +165,7 @@ def given(run: RunView) -> Table:
 
 
 def polished(run: RunView, found: Polished) -> Table:
-    """A row for the policy that was carried on, and one for each lane that carried it on."""
+    """A row for the policy that training began from, and one for each lane that trained it further."""
     began, held_out = run.lanes.get(found.began.lane), scored(found.before)
     own = _reward(run, began.reward) if began is not None else "-"
     rows = [

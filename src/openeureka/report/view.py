@@ -65,7 +65,7 @@ class RunView:
     crown: Place | None = None
     """The candidate that won the race."""
     best_policy: PolicyId | None = None
-    """The best policy, whatever it was trained with, where one was carried on."""
+    """The best policy, whatever it was trained with, where `polish=` trained one further."""
     robust: Robust | None = None
     """What `eureka robust` has found so far; None where it was never called."""
     unheard: tuple[Remark, ...] = ()
@@ -128,7 +128,7 @@ class RunView:
 
     @property
     def polished(self) -> Polished | None:
-        """What came of carrying the best policy on; None where none was carried on."""
+        """What came of training the best policy further; None where none was."""
         best, limits = self.best_policy, self.config.cost_limits
         return polishing.read(self.lanes, self.results, self.played, self.tryouts, best, limits)
 

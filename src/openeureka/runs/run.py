@@ -183,7 +183,7 @@ class Run:
 
     @property
     def polished(self) -> Polished | None:
-        """What came of carrying the best policy on (`polish=`); None where none was carried on."""
+        """What came of training the best policy further (`polish=`); None where none was."""
         return self.view.polished
 
     @property
@@ -205,7 +205,7 @@ class Run:
 
     @property
     def polished_policy(self) -> TrainedPolicy:
-        """The policy that `polish=` carried on. Raises StoreError where there is none, or it did not get better."""
+        """The policy that `polish=` trained further. Raises StoreError where there is none, or it is not better."""
         return TrainedPolicy.of(self._policy("polished"))
 
     def _policy(self, folder: str) -> bytes:
