@@ -200,9 +200,9 @@ def sentence(measured: Record) -> str:
     theirs = [number(ratio[f"training over stable-baselines3{arm}"], 2) for arm in BASELINES]
     ours, ant, humanoid = (number(ratio[f"training over raw stepping, {env}"], 2) for env in RAW)
     return (
-        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults, "
-        f"{theirs[1]} times as fast as stable-baselines3 with one environment per core, and {theirs[2]} times as fast "
-        f"as that with our batch, passes and network too. Training runs at {ours} of the speed of the simulator alone, "
+        f"Eight lanes of Gymnasium's Ant train {theirs[0]} times as fast as stable-baselines3's PPO with its defaults. "
+        f"With one environment per core there, it is {theirs[1]} times; with our batch, passes and network as well, "
+        f"{theirs[2]} times. Training runs at {ours} of the speed of the simulator alone, "
         f"resets included. For our Ant this share is {ant}, for Humanoid {humanoid}.\n"
     )
 
