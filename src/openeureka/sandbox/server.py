@@ -206,7 +206,7 @@ class _Child:
                 try:
                     unsent = unsent[os.write(self._request, unsent) :]
                 except BrokenPipeError:
-                    return "crashed", b""
+                    unsent = unsent[:0]  # it reads no more, but it may have answered: what it wrote decides
             if not readable:
                 continue
             chunk = os.read(self._answer, 1 << 16)
