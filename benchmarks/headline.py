@@ -63,6 +63,7 @@ ENDINGS = {
 }
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What differs in a repeated search, or is missing there."""
+COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
 
 
 def measure(whole: Plan, env: str) -> None:
@@ -300,6 +301,28 @@ def _means(decisive: Sequence[Record]) -> str:
     pairs = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
     above, equal = sum(own > human for own, human in pairs), sum(own == human for own, human in pairs)
     return f"above the human one's on {above}, equal on {equal}, below on {len(pairs) - above - equal}"
+
+
+def data(measured: Mapping[str, Record]) -> list[list[str]]:
+    """Every F held out of the table, in `COLUMNS`: one training a row."""
+    return [row for env in load(PLAN).tasks if env in measured for row in _data(short_name(env), measured[env])]
+
+
+def _data(name: str, row: Record) -> Iterator[list[str]]:
+    again = row.get("confirmed") or {"seeds": (), "generated": (), "human": ()}
+    crowned, noise = row["crowned"], "yes" if again.get("noisy") else "no"
+    drawn = range(row["seed"], row["seed"] + TRAININGS)
+    raced = drawn[1:]  # the seed of the search chose among the generated rewards
+    groups = [
+        ("race", "no", "generated", crowned, raced, row["generated"]),
+        *(("race", "no", "runner-up", place, raced, scores) for place, scores in row["runners_up"].items()),
+        *(("race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
+        ("other", noise, "generated", crowned, again["seeds"], again["generated"]),
+        ("other", noise, "human", "", again["seeds"], again["human"]),
+    ]
+    for *kind, seeds, scores in groups:
+        for seed, score in zip(seeds, scores, strict=False):
+            yield [name, str(row["steps"]), *kind, str(seed), "" if score is None else repr(score)]
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:

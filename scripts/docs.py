@@ -250,6 +250,10 @@ def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
 
+def _csv(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "".join(f"{','.join(row)}\n" for row in (titles, *rows))
+
+
 def _summary_of(study: ModuleType) -> str:
     """What a study found, in a sentence or two."""
     return f"{study.summary(read(study.RESULTS))}\n"
@@ -290,6 +294,7 @@ def generated() -> Mapping[Path, str]:
         reference / "python.md": python_page.page(),
         reference / "modules.md": modules(),
         reference / "baselines.md": measured_baselines(),
+        reference / "headline.csv": _csv(headline.COLUMNS, headline.data(read(headline.RESULTS))),
         **{ROOT / page: _filled(ROOT / page, own) for page, own in parts().items()},
         **pictures(),
     }

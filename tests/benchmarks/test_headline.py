@@ -215,8 +215,35 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
         strategy = strategies.make(store.config)
         lanes = Lanes(store.config, store, Idle(), nobody, strategy.ranks, strategy.peaks)
         best = race.crown(store.history(), lanes)
-        ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), store.lanes.evaluations())
+        scores = store.lanes.evaluations()
+        ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), scores)
     row = headline.read(headline.RESULTS)[env]
     assert best is not None and str(best.sample.place) == row["crowned"]
     assert ends.difference is not None
     assert [ends.difference.value, ends.difference.low, ends.difference.high] == pytest.approx(row["difference"])
+    ids = {"generated": best.candidate_id, "human": "human", "sparse": "sparse"}
+    raced = [cells for cells in headline.data({env: row}) if cells[2] == "race" and cells[4] in ids]
+    for _, _, _, _, reward, _, seed, score in raced:
+        played = scores.get(f"{ids[reward]}-s{seed}")
+        known = played.fitness if played is not None else None
+        assert score == ("" if known is None else repr(known)), f"the data names another seed for {reward}, {seed}"
+
+
+def test_every_score_of_the_table_is_a_line_of_its_data():
+    again = {"seeds": [4, 5], "generated": [0.25, None], "human": [0.5, 0.125], "noisy": True}
+    own = row([3.0, 4.0], [1.0, 2.0, 1.5], None) | {"crowned": "g0s2", "seed": 0, "runners_up": {"g0s1": [2.5]}}
+    table = headline.data({"cartpole": own | {"confirmed": again}})
+    assert all(len(cells) == len(headline.COLUMNS) for cells in table)
+    assert [",".join(cells[2:]) for cells in table] == [
+        "race,no,generated,g0s2,1,3.0",
+        "race,no,generated,g0s2,2,4.0",
+        "race,no,runner-up,g0s1,1,2.5",
+        "race,no,human,,0,1.0",
+        "race,no,human,,1,2.0",
+        "race,no,human,,2,1.5",
+        "race,no,sparse,,0,0.0",
+        "other,yes,generated,g0s2,4,0.25",
+        "other,yes,generated,g0s2,5,",
+        "other,yes,human,,4,0.5",
+        "other,yes,human,,5,0.125",
+    ]
