@@ -8,9 +8,10 @@
                                                # nine more seeds of the generated reward and the human one
 
 A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
-with fresh seeds, and the winner is judged in held-out episodes. What a search found is kept twice: figures in
-`benchmarks/results/headline.json`, and the store of its run in `benchmarks/headline/TASK.sqlite.xz`, from which the
-page and the report of the run can be made again. Runs are under `outputs/headline/`; one that was killed goes on.
+with fresh seeds, and the winner is judged in held-out episodes. What a search found is kept: figures in
+`benchmarks/results/headline.json`, the winner in `benchmarks/headline/rewards/TASK.py`, and the store of its run in
+`benchmarks/headline/TASK.sqlite.xz`, from which the page and the report of the run can be made again. Runs are under
+`outputs/headline/`; one that was killed goes on.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from openeureka.store.db import FILENAME
 
 PLAN = FOLDER / "plans" / "headline.yaml"
 ARCHIVE = FOLDER / "headline"
+REWARDS = ARCHIVE / "rewards"
 RESULTS = results("headline")
 BASELINES = results("baselines")
 GREEDY = results("greedy")
@@ -63,6 +65,8 @@ ENDINGS = {
 }
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What differs in a repeated search, or is missing there."""
+REWARD = "../../benchmarks/headline/rewards/{}.py"
+"""Where the page finds the reward of a task."""
 COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
 
 
@@ -70,6 +74,7 @@ def measure(whole: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
     store, row = search(whole, env, OUTPUTS / "headline" / env)
     put_away(store, ARCHIVE, env)
+    publish(env)
     keep(RESULTS, env, row)
 
 
@@ -97,6 +102,14 @@ def put_away(store: Path, archive: Path, env: str) -> None:
     """Keep the store of a search, packed, in a folder of the repository."""
     archive.mkdir(exist_ok=True)
     (archive / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
+
+
+def publish(env: str, folder: Path = REWARDS) -> None:
+    """Write the winner of an archived search as a file, to read and to train."""
+    best = archive(env).best
+    assert best is not None
+    folder.mkdir(exist_ok=True)
+    (folder / f"{short_name(env)}.py").write_text(best.program.source)
 
 
 def portable(store: Path) -> bytes:
@@ -226,11 +239,12 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     for env in (env for env in load(PLAN).tasks if env in measured):
         row = measured[env]
         again = row.get("confirmed")
-        first = short_name(env), f"{row['steps']:,}", *_scores(row, row["sparse"])
+        name = short_name(env)
+        first = f"[{name}]({REWARD.format(name)})", f"{row['steps']:,}", *_scores(row, row["sparse"])
         found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
             how = " that play with noise" if again.get("noisy") else ""
-            title = f"{first[0]}, {len(again['seeds'])} other seeds{how}"
+            title = f"{name}, {len(again['seeds'])} other seeds{how}"
             sparse = [] if again.get("noisy") else row["sparse"]  # it played without noise
             found.append([title, "", *_scores(again, sparse), ""])
     return found

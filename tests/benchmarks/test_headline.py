@@ -14,6 +14,7 @@ import pytest
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
+from openeureka.config import short_name
 from openeureka.events import nobody
 from openeureka.llm.registry import archived
 from openeureka.method import race
@@ -81,7 +82,8 @@ def test_a_tie_of_zeros_is_no_draw():
     assert "better than the human one on 1 tasks, level on 0, worse on 0." in told
     assert "too few to tell on 0 tasks. Both rewards score zero on 1." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
-    assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
+    links = [f"[{name}]({headline.REWARD.format(name)})" for name in ("ant", "shadow_hand_kettle")]
+    assert [line[0] for line in headline.rows(measured)] == links
 
 
 def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
@@ -91,7 +93,7 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     assert headline.ending(own) == "worse" and "worse on 1" in headline.summary({"ant": own})
     told = headline.summary({"ant": own})
     assert "1 tasks trained again" in told and "above the human one's on 0, equal on 0, below on 1. On 0 more" in told
-    assert first[0] == "ant" and "level" in first and "3.5" in first[2]
+    assert first[0].startswith("[ant](") and "level" in first and "3.5" in first[2]
     assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # divided by the human mean: 1.5, and 4
     assert headline.gains({"ant": own}) == [("ant", "worse", -0.5, -0.75, -0.25)]
@@ -219,6 +221,9 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
         ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), scores)
     row = headline.read(headline.RESULTS)[env]
     assert best is not None and str(best.sample.place) == row["crowned"]
+    assert best.sample.candidate is not None
+    published = headline.REWARDS / f"{short_name(env)}.py"
+    assert published.read_text() == best.sample.candidate.source
     assert ends.difference is not None
     assert [ends.difference.value, ends.difference.low, ends.difference.high] == pytest.approx(row["difference"])
     ids = {"generated": best.candidate_id, "human": "human", "sparse": "sparse"}
