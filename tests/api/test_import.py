@@ -13,15 +13,15 @@ from openeureka import RobustSettings, SearchSettings, TrainSettings
 from openeureka.config import RobustConfig, RunConfig, TrainConfig
 
 LIGHT = """
-import sys, time
-began = time.process_time()
+import sys
+before = set(sys.modules)
 import openeureka
-print(time.process_time() - began < 0.3, sorted({"torch", "mujoco", "openai", "numpy"} & set(sys.modules)))
+print(len(set(sys.modules) - before) < 100, sorted({"torch", "mujoco", "openai", "numpy"} & set(sys.modules)))
 """
 
 
-def test_importing_it_takes_no_time_and_loads_nothing_heavy():
-    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, timeout=60)
+def test_importing_it_loads_few_modules_and_nothing_heavy():
+    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True)
     assert done.stdout == "True []\n", done.stdout + done.stderr
 
 

@@ -5,8 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from openeureka.film import video
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
@@ -19,7 +17,6 @@ def test_the_notebook_is_kept_without_what_it_printed():
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
 
 
-@pytest.mark.timeout(540)
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path):
     cells = json.loads(NOTEBOOK.read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
@@ -30,8 +27,6 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path):
     else:
         code.append("assert frames.shape == (30, 720, 1280, 3) and frames.dtype == 'uint8'")
     code.append("assert run.finished and run.report.is_file() and policy([[0.0] * 4] * 3).shape == (3, 1)")
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(code)], cwd=tmp_path, capture_output=True, text=True, timeout=500
-    )
+    done = subprocess.run([sys.executable, "-c", "\n".join(code)], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     assert "def compute_reward(" in done.stdout and "human-s0 baseline" in done.stdout

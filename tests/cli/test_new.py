@@ -100,7 +100,6 @@ def test_a_robot_that_falls_without_actions_is_said_to(robot, capsys, floor):
     assert falls is not floor
 
 
-@pytest.mark.timeout(60)
 def test_a_robot_that_flies_apart_before_it_stands_is_drafted_all_the_same(robot, capsys):
     wild = LEGGED.format("").replace("<worldbody>", '<option gravity="0 0 1e12"/><worldbody>')
     (robot / "dog.xml").write_text(wild)

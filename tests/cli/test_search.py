@@ -457,7 +457,7 @@ class Asking(ScriptedModel):
     def sample(self, prompt, *, n, seed):
         if self.said == 2:
             ask_to_stop(self._directory)
-            time.sleep(30)
+            time.sleep(900)
         yield from super().sample(prompt, n=n, seed=seed)
 
 
@@ -496,7 +496,7 @@ def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monke
     with FileLock(tmp_path / "run" / LOCK, thread_local=False) as held:
         assert run("stop", f"{tmp_path}/run") == 5
         assert "was asked to stop but still runs" in capsys.readouterr().err
-        monkeypatch.setattr(remote, "PATIENCE", 60.0)
+        monkeypatch.setattr(remote, "PATIENCE", 900.0)
         threading.Timer(0.5, held.release).start()
         assert run("stop", f"{tmp_path}/run") == 0
     # The search has finished, so the command that is stopped is a later one, such as `eureka robust`.

@@ -33,7 +33,7 @@ def test_ctrl_c_is_heard_where_it_has_ended_who_reads_the_output():
         child.stdout.close()
         child.stdin.write("\n")
         child.stdin.flush()
-        assert (child.stderr.read(), child.wait(60)) == ("on the way\n", 0)
+        assert (child.stderr.read(), child.wait()) == ("on the way\n", 0)
 
 
 def test_ctrl_c_is_said_where_somebody_reads(capsys):

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-# Half a minute on an idle machine; the first test that runs pays for all of them.
-pytestmark = pytest.mark.timeout(600)
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crashes.py"
 
 

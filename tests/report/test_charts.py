@@ -2,7 +2,7 @@ import dataclasses
 import json
 import math
 
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from openeureka.report import charts, html, verdict
@@ -121,6 +121,7 @@ def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest
     assert charts.family(shown) is None  # nobody has a parent
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # both go by the clock
 @given(st.lists(st.none() | st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
 def test_every_value_that_is_drawn_is_a_number_of_strict_json(values):
     chart = components(tuple(values))

@@ -39,7 +39,7 @@ def test_every_lane_of_the_search_is_filmed_and_no_final_one(camera, tmp_path):
 
 def test_the_search_goes_on_while_a_film_takes_its_time(monkeypatch, tmp_path):
     developed = Event()
-    monkeypatch.setattr(video, "render", lambda *_, **__: developed.wait(60) and b"mp4")
+    monkeypatch.setattr(video, "render", lambda *_, **__: developed.wait() and b"mp4")
     with Filming(tmp_path, CONFIG) as films:
         search_in(tmp_path, [reply(7), reply(8)], tell=films)
         assert RunView.read(tmp_path).outcome is not None  # the search is finished, and no film is
@@ -66,7 +66,7 @@ def test_a_stopped_search_leaves_at_once_and_resuming_films_the_rest(camera, mon
 
     stuck = Event()
     with monkeypatch.context() as patch:
-        patch.setattr(video, "render", lambda *_, **__: stuck.wait(60) and b"late")
+        patch.setattr(video, "render", lambda *_, **__: stuck.wait() and b"late")
         with pytest.raises(KeyboardInterrupt), Filming(tmp_path, CONFIG) as films:
             model = Stopping([reply(7), reply(8)])
             search_in(tmp_path, [], model=model, iteration=2, tell=films)

@@ -62,7 +62,7 @@ print(outcome.best.fitness, sorted({"torch", "mujoco", "warp"} & set(sys.modules
 
 def test_a_search_of_fakes_needs_neither_torch_nor_a_simulator(tmp_path: Path):
     command = [sys.executable, "-c", SEARCH, str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.stdout == "12.0 []\n", done.stdout + done.stderr[-2000:]
 
 

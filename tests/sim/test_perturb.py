@@ -145,7 +145,6 @@ def test_a_weak_drive_gives_less_at_its_limit_and_below_it():
     assert force[:, 0].tolist() == pytest.approx([5.0, 2.5, 1.5, 1.5])
 
 
-@pytest.mark.timeout(900)  # on an idle machine, compilation takes a minute
 def test_every_factor_does_the_same_on_warp():
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
     model = mujoco.MjModel.from_xml_string(ARM)

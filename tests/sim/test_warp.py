@@ -11,7 +11,6 @@ from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.simulator import SimulatorConformance
 
 pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
-pytestmark = pytest.mark.timeout(900)  # on an idle machine, compilation takes a minute
 
 
 class TestWarpSimulator(SimulatorConformance):

@@ -210,8 +210,8 @@ def test_a_run_is_refused_to_a_second_process(store: Store) -> None:
     answer = spawn.Queue()
     process = spawn.Process(target=_open, args=(store.directory, answer))
     process.start()
-    assert "Another process is working on" in answer.get(timeout=30)
     process.join()
+    assert "Another process is working on" in answer.get(timeout=60)
 
 
 def test_a_run_can_be_viewed_while_it_goes_on_but_not_written(store: Store) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 from collections.abc import Callable
 
 import pytest
@@ -140,4 +141,4 @@ def test_a_lane_whose_reward_takes_too_long_is_stopped(monkeypatch: pytest.Monke
     monkeypatch.setattr(rewards, "MAX_CALL_SECONDS", 0.0)
     good, other = trained("cartpole", GOOD)
     assert good.state is other.state is TrainingState.DIVERGED
-    assert "the reward took 0.0 s for one step" in other.message
+    assert re.search(r"the reward took \d+\.\d s for one step", other.message)

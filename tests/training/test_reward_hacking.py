@@ -60,7 +60,6 @@ def signs() -> dict[str, tuple[Sign, ...]]:
     return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found), {}) for spec in results}
 
 
-@pytest.mark.timeout(400)
 def test_a_hacked_reward_is_flagged(signs: dict[str, tuple[Sign, ...]]):
     (sign,) = signs["speed"]
     assert sign.kind is Kind.DRIFT
