@@ -26,6 +26,7 @@ from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import STATE
 from openeureka.types import Candidate, Verdict, VerdictCode
 from openeureka.worker import Frame, WorkerDied, WorkerTimeout
+from sandbox.clock import processor_seconds
 from sandbox.ungated import Ungated
 
 pytestmark = pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
@@ -200,20 +201,19 @@ def test_a_child_inherits_no_compiler(sandbox: Sandbox) -> None:
 
 def test_a_program_that_never_ends_is_ended(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "SECONDS", 0.3)
-    started = time.monotonic()
+    before = processor_seconds(sandbox)
     assert run(sandbox, "while True:\n    pass").code is VerdictCode.TIMEOUT
-    assert time.monotonic() - started < 0.3 * sum(server.TRIES) + 1.2
+    assert processor_seconds(sandbox) - before < confine.CPU_SECONDS  # the kernel did not have to end it
 
 
 def test_a_program_that_waits_is_ended_too(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client, "SECONDS", 0.2)
+    monkeypatch.setattr(client, "SECONDS", 0.4)
     started = time.monotonic()
     verdict = run(sandbox, "import time; time.sleep(60)")
     assert verdict.code is VerdictCode.TIMEOUT
-    said = "the program did nothing for most of 3.2 s, on a machine with processors to spare"
-    assert verdict.findings[0].message == said  # 3.2 = 0.2 * 16
-    waited = 0.2 * (4 + 16)
-    assert waited < time.monotonic() - started < waited + 0.2 * 4 + 1.2
+    said = "the program did nothing for most of 6.4 s, on a machine with processors to spare"
+    assert verdict.findings[0].message == said  # 6.4 = 0.4 * 16
+    assert time.monotonic() - started > 0.4 * (4 + 16)
 
 
 def test_a_child_that_had_part_of_its_time_when_the_clock_ended_it_has_waited() -> None:
@@ -228,7 +228,7 @@ def test_a_child_that_had_part_of_its_time_when_the_clock_ended_it_has_waited() 
 def test_a_child_that_does_not_read_is_ended_too() -> None:
     started = time.monotonic()
     outcome = server._Child(wait, confined=False).finish(0.5, bytes(200_000))  # three times what a pipe holds
-    assert outcome.kind == "waited" and time.monotonic() - started < 0.5 * server.PATIENCE + 1.2
+    assert outcome.kind == "waited" and time.monotonic() - started < 300  # and not 600
 
 
 def test_the_answer_of_a_child_that_ended_before_it_read_counts() -> None:
@@ -245,7 +245,7 @@ def test_a_child_that_ends_without_an_answer_has_crashed_though_its_input_was_no
 
 
 def wait() -> Answer:
-    time.sleep(60)
+    time.sleep(600)
     return Answer()
 
 
@@ -264,9 +264,8 @@ def test_a_child_that_never_woke_up_gets_a_successor_and_then_a_witness(
 ) -> None:
     children = iter(kinds)
     monkeypatch.setattr(server, "_judge_once", lambda *_: ("program", server._Outcome(next(children))))
-    monkeypatch.setattr(server, "_compute", wait if witness == "waited" else server._compute)
-    seconds = 0.02 if witness == "waited" else 0.1  # the witness that computes must get its time even on a busy machine
-    assert server._judge(None, None, seconds) == ("program", server._Outcome(what))  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(server, "_Child", lambda *_, **__: Mock(finish=lambda *_, **__: server._Outcome(witness)))
+    assert server._judge(None, None, 2.0) == ("program", server._Outcome(what))  # pyright: ignore[reportArgumentType]
     assert not list(children)
 
 
@@ -279,9 +278,9 @@ def test_a_machine_that_is_too_busy_is_no_verdict_on_a_program(monkeypatch: pyte
 
 
 def test_a_program_that_others_hold_up_has_its_time(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client, "SECONDS", 0.5)
-    verdict = run(sandbox, "import time; time.sleep(0.3)")
-    assert verdict.code is VerdictCode.ACCEPTED and verdict.seconds > 0.5
+    monkeypatch.setattr(client, "SECONDS", 1.5)
+    verdict = run(sandbox, "import time; time.sleep(0.8)")
+    assert verdict.code is VerdictCode.ACCEPTED and verdict.seconds > 1.5
 
 
 def test_an_exit_status_is_no_verdict(sandbox: Sandbox) -> None:
@@ -361,9 +360,10 @@ def test_the_parts_of_a_value_count(sandbox: Sandbox) -> None:
     assert verdict.findings[0].rule == "memory"  # 4,000 values and 4,000 indices per world; the limit is 4,096
 
 
-TABLES = """total = pos[:, 0]
-for turn in range(200):
-    total = total + torch.tensor([-(1 + turn + place) * 1e-30 / 7 for place in range(1000)]).sum()
+TABLES = """total, row = pos[:, 0], [-(1 + place) * 1e-30 / 7 for place in range(4000)]
+for turn in range(44):
+    row = [1.1 * number for number in row]
+    total = total + torch.tensor(row).sum()
 pos = total[:, None]"""
 
 

@@ -138,8 +138,8 @@ def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Pa
     seconds = processor_seconds(sandbox) - before
     first = verdict.findings[0] if verdict.findings else None
     assert (verdict.code, first.rule if first else "") == (hostile.code, hostile.rule), first and first.sentence()
-    # On a busy machine a program is tried more than once, and a child without a program computes too.
-    assert seconds < (len(server.TRIES) + 1) * client.SECONDS + 1.0
+    # On a busy machine a program is tried once more after the tries, and a child without a program computes too.
+    assert seconds < (len(server.TRIES) + 2) * client.SECONDS + 2.0
     watch.assert_no_harm(verdict)
     if first is not None and first.rule not in THEIR_WORDS and hostile.number != HOW_DEEP_PYTHON_READS:
         assert first.fix

@@ -81,7 +81,9 @@ def inputs(graph: RewardGraph) -> tuple[str, ...]:
 
 def references(node: Node) -> tuple[int, ...]:
     """Indices of the nodes whose values a node uses."""
-    return tuple(leaf["ref"] for leaf in leaves(node) if isinstance(leaf, Mapping) and "ref" in leaf)
+    # The first test spares tables of numbers the second, which is slow.
+    kept = (leaf for leaf in leaves(node) if type(leaf) not in (int, float))
+    return tuple(leaf["ref"] for leaf in kept if isinstance(leaf, Mapping) and "ref" in leaf)
 
 
 def needed(graph: RewardGraph, *outputs: int) -> set[int]:
