@@ -236,7 +236,8 @@ class Worker:
 
     def ending(self) -> str:
         """The signal that ended the child, in a sentence for a person; empty when it was none, or after `close`."""
-        end, found = time.monotonic() + 1.0, None  # the child's pipe closes shortly before the child is gone
+        # The child's pipe closes before the child is gone: shortly on an idle machine, seconds on a busy one.
+        end, found = time.monotonic() + 10.0, None
         while found is None and self.process.returncode is None and time.monotonic() < end:
             # The child is left unreaped: until `close` reaps it, no other group can get its number.
             try:

@@ -33,7 +33,7 @@ while (frame := channel.receive()) is not None:
             forked.join()
             channel.send({"codes": [forked.exitcode, started.wait()]})
         case "leave":
-            channel.send({"left": subprocess.Popen(["sleep", "60"]).pid})
+            channel.send({"left": subprocess.Popen(["sleep", "900"]).pid})
             os.kill(os.getpid(), 9)
         case "print":
             print(frame.header["text"], end="", flush=True)

@@ -54,15 +54,15 @@ def test_no_child_imports_from_the_working_directory(crowded: Path, path: str | 
     with Worker("runpy" if HERE not in (path or "") else "echo_worker", env=where) as child:
         if HERE in (path or ""):
             child.send({"do": "echo"})
-            child.receive(timeout=20)
+            child.receive()
         child.process.stdin.close()
-        child.process.wait(20)
+        child.process.wait()
     assert not crowded.exists(), crowded.read_text()
 
 
 def test_pip_and_the_runs_of_the_page_do_not_either(crowded: Path):
     for command in (["-m", "pip", "--version"], ["-c", "import openeureka.config, tempfile, glob"]):
-        done = subprocess.run([*interpreter(), *command], env=environment(), capture_output=True, text=True, timeout=60)
+        done = subprocess.run([*interpreter(), *command], env=environment(), capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
     assert not crowded.exists(), crowded.read_text()
 
@@ -74,7 +74,7 @@ def test_a_child_finds_what_its_parent_finds_after_the_standard_library(tmp_path
     monkeypatch.syspath_prepend(tmp_path)
     for module, env, code in (("beside_the_script", None, 7), ("colorsys", None, 0), ("beside_the_script", {}, 7)):
         with Worker(module, env=env) as child:
-            assert child.process.wait(20) == code
+            assert child.process.wait() == code
 
 
 @pytest.mark.parametrize(
@@ -116,22 +116,22 @@ def test_what_lies_beside_the_package_does_not_hide_the_standard_library(tmp_pat
     (tmp_path / "colorsys.py").write_text("raise SystemExit('imported')\n")
     script = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from openeureka.worker import Worker\n"
-        f"with Worker('colorsys', env={{}}) as w: w.process.wait(20); print(w.process.returncode)"
+        f"with Worker('colorsys', env={{}}) as w: w.process.wait(); print(w.process.returncode)"
     )
-    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True)
     assert done.stdout == "0\n", done.stderr
 
 
 def test_a_frame_comes_back_with_its_blobs_despite_stray_prints(worker: Worker):
     worker.send({"do": "echo", "text": "ü"}, {"a": b"\x00" * 1_000_000, "b": b""})
-    frame = worker.receive(timeout=20)
+    frame = worker.receive()
     assert frame.header == {"do": "echo", "text": "ü"}
     assert frame.blobs == {"a": b"\x00" * 1_000_000, "b": b""}
 
 
 def test_an_emptied_environment_stays_empty(worker: Worker):
     worker.send({"do": "environment"})
-    seen = worker.receive(timeout=20).header["environment"]
+    seen = worker.receive().header["environment"]
     assert set(seen) - {"LC_CTYPE"} == {"PYTHONPATH"}
 
 
@@ -144,7 +144,7 @@ def grouped() -> bool:
 def test_a_polite_worker_yields_to_this_process():
     with Worker("echo_worker", env={"PYTHONPATH": HERE}, nice=3) as child:
         child.send({"do": "echo"})
-        child.receive(timeout=20)
+        child.receive()
         mine, its = (os.getpriority(os.PRIO_PROCESS, process) for process in (0, child.process.pid))
         group = Path(f"/proc/{child.process.pid}/autogroup")
         assert not group.exists() or group.read_text().endswith(f"nice {min(10, its)}\n")
@@ -159,14 +159,14 @@ def test_of_a_polite_process_the_sessions_of_workers_yield_too_unless_somebody_w
         f"with Worker('runpy', nice={nice}) as child:\n"
         "    print(Path(f'/proc/{child.process.pid}/autogroup').read_text())"
     )
-    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True)
     assert expected in done.stdout, done.stderr
 
 
 def test_death_is_reported_with_the_last_words(worker: Worker):
     worker.send({"do": "die"})
     with pytest.raises(WorkerDied):
-        worker.receive(timeout=20)
+        worker.receive()
     assert worker.stderr_tail() == "last words"
 
 
@@ -182,10 +182,10 @@ def test_sigterm_is_the_parents_to_handle_and_ends_what_a_child_starts(worker: W
     """A shutdown, `systemctl stop` and `scancel` send SIGTERM to all processes. A worker has to survive it, because its
     parent still asks for a last snapshot."""
     worker.send({"do": "echo"})
-    worker.receive(timeout=20)
+    worker.receive()
     os.kill(worker.process.pid, signal.SIGTERM)
     worker.send({"do": "terminate"})
-    assert worker.receive(timeout=20).header == {"codes": [-signal.SIGTERM, -signal.SIGTERM]}
+    assert worker.receive().header == {"codes": [-signal.SIGTERM, -signal.SIGTERM]}
 
 
 def test_a_frame_that_is_there_can_be_waited_for_without_reading_it(worker: Worker):
@@ -193,19 +193,19 @@ def test_a_frame_that_is_there_can_be_waited_for_without_reading_it(worker: Work
     for text in "ab":
         worker.send({"do": "echo", "text": text})
     for text in "ab":  # both may have arrived in one read
-        assert worker.ready(20.0)
-        assert worker.receive(20.0).header["text"] == text
+        assert worker.ready(3600.0)
+        assert worker.receive().header["text"] == text
     assert not worker.ready(0.0)
     worker.send({"do": "die"})
-    assert worker.ready(20.0), "the end of the stream counts as readable, or nobody would notice it"
+    assert worker.ready(3600.0), "the end of the stream counts as readable, or nobody would notice it"
     with pytest.raises(WorkerDied):
-        worker.receive(20.0)
+        worker.receive()
 
 
 def test_garbage_is_refused_before_it_is_read_into_memory(worker: Worker):
     worker.send({"do": "garbage"})
     with pytest.raises(WorkerDied, match="oversized"):
-        worker.receive(timeout=20)
+        worker.receive()
 
 
 def test_a_frame_that_came_another_way_is_the_same_or_refused():
@@ -218,18 +218,16 @@ def test_a_frame_that_came_another_way_is_the_same_or_refused():
 
 def test_what_a_child_that_ended_has_left_running_ends_with_it(worker: Worker):
     worker.send({"do": "leave"})
-    left = worker.receive(timeout=20).header["left"]
+    left = worker.receive().header["left"]
     with pytest.raises(WorkerDied):
-        worker.receive(timeout=20)
+        worker.receive()
     assert (
         worker.ending()
         == "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
     )
     assert _running(left)
     worker.close()
-    for _ in range(100):
-        time.sleep(0.05 * _running(left))
-    assert not _running(left)
+    assert _ends(left)
     worker.close()
     assert worker.ending() == ""
 
@@ -237,7 +235,7 @@ def test_what_a_child_that_ended_has_left_running_ends_with_it(worker: Worker):
 def test_a_child_that_somebody_else_reaps_ends_without_a_word(worker: Worker):
     worker.send({"do": "die"})
     with pytest.raises(WorkerDied):
-        worker.receive(timeout=20)
+        worker.receive()
     os.waitpid(worker.process.pid, 0)
     assert worker.ending() == ""
     worker.close()
@@ -252,7 +250,7 @@ def test_who_reads_from_a_closed_worker_reads_from_no_other_pipe(worker: Worker)
         assert number in [end for pipe in pipes for end in pipe]
         assert worker.ready(0.0)
         with pytest.raises(WorkerDied):
-            worker.receive(timeout=0.5)
+            worker.receive(timeout=60)
     finally:
         for end in (end for pipe in pipes for end in pipe):
             os.close(end)
@@ -261,12 +259,12 @@ def test_who_reads_from_a_closed_worker_reads_from_no_other_pipe(worker: Worker)
 def test_what_a_child_prints_is_not_kept_without_end(worker: Worker):
     for number in range(3):
         worker.send({"do": "print", "text": f"{number}" * (workers.MAX_SAID + 1)})
-        worker.receive(timeout=20)
+        worker.receive()
         assert os.fstat(worker._stderr.fileno()).st_size <= workers.MAX_SAID
     assert worker.stderr_tail() == ""
     worker.send({"do": "die"})
     with pytest.raises(WorkerDied):
-        worker.receive(timeout=20)
+        worker.receive()
     assert worker.stderr_tail() == "last words"  # at the start of the file, with no hole before them
 
 
@@ -277,9 +275,9 @@ def test_a_process_with_more_descriptors_than_select_takes_starts_workers_too():
         "for _ in range(1100): os.dup(0)\n"
         "from openeureka.worker import Worker\n"
         f"with Worker('echo_worker', env={{'PYTHONPATH': {HERE!r}}}) as child:\n"
-        "    child.send({'do': 'echo'}); print(child.ready(20.0), child.receive(20.0).header)\n"
+        "    child.send({'do': 'echo'}); print(child.ready(3600.0), child.receive().header)\n"
     )
-    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True)
     assert done.stdout == "True {'do': 'echo'}\n", done.stderr
 
 
@@ -314,20 +312,24 @@ def test_the_child_dies_with_its_parent():
         f"import sys, os; sys.path[:0] = [{SOURCE!r}]\n"
         "from openeureka.worker import Worker\n"
         f"w = Worker('echo_worker', env={{'PYTHONPATH': {HERE!r}}})\n"
-        "w.send({'do': 'echo'}); w.receive(20)\n"
+        "w.send({'do': 'echo'}); w.receive()\n"
         "print(w.process.pid, flush=True); os.kill(os.getpid(), 9)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
-    child = int(done.stdout)
-    deadline = time.monotonic() + 10
-    while _running(child) and time.monotonic() < deadline:
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert _ends(int(done.stdout))
+
+
+def _ends(pid: int) -> bool:
+    """Whether a process ends, even on a busy machine."""
+    end = time.monotonic() + 300
+    while _running(pid) and time.monotonic() < end:
         time.sleep(0.05)
-    assert not _running(child)
+    return not _running(pid)
 
 
 def _running(pid: int) -> bool:
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):  # the latter if it ends while its file is read
         return False
     return state != "Z" and os.path.exists(f"/proc/{pid}")
