@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler
+from typing import Any
 
 import httpx2
 import pytest
@@ -141,21 +142,30 @@ def test_a_wait_is_stated_in_seconds_or_as_a_date(endpoint: Endpoint, header: st
 
 
 @pytest.mark.parametrize("before", [[], [answer("a")], [failure(503), failure(503)]])
-def test_an_endpoint_that_hangs_is_asked_twice(
-    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch, before: list[Answer]
-):
-    monkeypatch.setattr(openai, "TIMEOUT", 0.5)
-    done = threading.Event()
+def test_an_endpoint_that_hangs_is_asked_twice(endpoint: Endpoint, before: list[Answer]):
+    done, asked, model = threading.Event(), len(before) + 2, endpoint.model()
+    patient, hasty = model._client.timeout, httpx2.Timeout(0.5, connect=20.0)
+    left = threading.Semaphore(0)
 
     def hang(handler: BaseHTTPRequestHandler) -> None:
-        done.wait(30)
+        left.release()
+        done.wait()
 
-    endpoint.script = lambda body: before.pop() if before else hang
-    asked, model = len(before) + 2, endpoint.model()
+    def script(body: dict[str, Any]) -> Answer:
+        if not before:
+            return hang
+        play = before.pop()
+        model._client.timeout = patient if before else hasty  # from the next request on: an answer may take its time
+        return play
+
+    model._client.timeout = patient if before else hasty
+    endpoint.script = script
     try:
         with pytest.raises(ModelError, match="did not answer: it has"):
             for _ in range(2):
                 sample(model, 1)
+        for _ in range(2):  # the server may read a request after its sender has gone
+            left.acquire()
     finally:
         done.set()
     assert len(endpoint.bodies) == asked

@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import socket
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -157,11 +158,12 @@ def test_an_address_of_a_hub_that_is_none_is_one_sentence(
         hub.fetch(NAME, tmp_path)
 
 
-def test_a_hub_out_of_reach_is_one_sentence(served: Hub, tmp_path: Path):
-    served.server.shutdown()
-    served.server.server_close()
-    with pytest.raises(ModelError, match="cannot be fetched"):
-        hub.fetch(NAME, tmp_path)
+def test_a_hub_out_of_reach_is_one_sentence(served: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))  # nobody else gets this port, and nobody listens
+        monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{bound.getsockname()[1]}/")
+        with pytest.raises(ModelError, match="cannot be fetched"):
+            hub.fetch(NAME, tmp_path)
 
 
 @pytest.mark.parametrize("code", ["ENOSPC", "EACCES"])

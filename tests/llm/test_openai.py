@@ -1,5 +1,6 @@
 """Requests to good endpoints and to those with quirks; `test_endpoint_failures` has the bad ones."""
 
+import socket
 import threading
 from typing import Any
 
@@ -122,7 +123,7 @@ def test_requests_that_were_under_way_with_a_temperature_are_all_asked_again_wit
             return failure(400, "n must be 1")
         if "temperature" not in body:
             return answer("x")
-        together.wait(10.0)
+        together.wait()
         return failure(400, "Unsupported value: 'temperature'")
 
     endpoint.script = script
@@ -160,10 +161,11 @@ def test_what_waiting_cannot_mend_is_one_sentence_at_once(endpoint: Endpoint, re
 
 
 def test_a_refused_port_is_one_sentence_after_one_more_try(endpoint: Endpoint):
-    endpoint.server.shutdown()
-    endpoint.server.server_close()
-    with pytest.raises(ModelError, match="cannot be reached; check base_url"):
-        sample(endpoint.model(), 1)
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))  # nobody else gets this port, and nobody listens
+        model = endpoint.model(base_url=f"http://127.0.0.1:{bound.getsockname()[1]}/v1")
+        with pytest.raises(ModelError, match="cannot be reached; check base_url"):
+            sample(model, 1)
     assert endpoint.waits == [1.0]
 
 
@@ -302,7 +304,7 @@ def test_requests_that_nobody_waits_for_are_not_tried_again_and_hold_no_exit_up(
     def script(body: dict[str, Any]) -> Answer:
         if "n" in body:
             return failure(400, "n must be 1")
-        return answer("x") if first.acquire(blocking=False) else failure(503, Retry_After="60")
+        return answer("x") if first.acquire(blocking=False) else failure(503, Retry_After="100")
 
     endpoint.script = script
     replies = endpoint.model(wait=None).sample(PROMPT, n=9, seed=0)
@@ -311,5 +313,5 @@ def test_requests_that_nobody_waits_for_are_not_tried_again_and_hold_no_exit_up(
     assert asking and all(thread.daemon for thread in asking)
     replies.close()  # as Ctrl-C does
     for thread in asking:
-        thread.join(10.0)
+        thread.join(90.0)  # less than the stated wait
         assert not thread.is_alive()
