@@ -30,12 +30,6 @@ class EndingStage(Stage):
             raise KeyboardInterrupt
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def listening(port: int) -> set[str]:
     """Addresses at which the port is open, in the kernel's hexadecimal form."""
     rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]]
@@ -43,20 +37,30 @@ def listening(port: int) -> set[str]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the kernel's table of sockets")
-def test_the_page_is_served_to_this_machine_only_and_the_policy_plays(capfd):
-    stage, port = EndingStage(), free_port()
+def test_the_page_is_served_to_this_machine_only_and_the_policy_plays(capfd, monkeypatch):
+    ports = list[int]()
+
+    class Viewer(web.LoopbackViewer):
+        def __init__(self, *args, **options):
+            super().__init__(*args, **options)
+            ports.append(self._http_sock.getsockname()[1])
+
+    monkeypatch.setattr(web, "LoopbackViewer", Viewer)
+    monkeypatch.setattr(web, "_PATIENCE", 600.0)
+    stage = EndingStage()
     start = stage.data.qpos.copy()
-    thread = threading.Thread(target=web.page, args=(stage, port))
+    thread = threading.Thread(target=web.page, args=(stage, 0))
     thread.start()
     try:
-        deadline = time.monotonic() + 60
-        while not (listening(port) and stage.steps > 3) and time.monotonic() < deadline:
+        while not (ports and listening(ports[0]) and stage.steps > 3):
+            assert thread.is_alive()
             time.sleep(0.1)
+        (port,) = ports
         assert listening(port) == {"0100007F"}  # 127.0.0.1
-        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=30).read().lower()
+        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/").read().lower()
     finally:
         stage.enough.set()
-        thread.join(60)
+        thread.join()
     assert stage.steps > 3 and (stage.data.qpos != start).any()
     assert listening(port) == set()
 
@@ -83,10 +87,15 @@ import threading, time, mujoco.viewer
 from openeureka.film import viewer
 from openeureka.film.stage import Stage
 stage, steps, open_window = Stage("cartpole", "random", 0), [], mujoco.viewer.launch_passive
+viewer.CLOSING = 600.0
+def close(window):
+    while len(steps) <= 3:
+        time.sleep(0.1)
+    threading.Thread(target=time.sleep, args=[1], daemon=True).start()  # as MuJoCo's own, when it is slow to close
+    window.close()
 def launch(*args, **kwargs):
     window = open_window(*args, **kwargs)
-    threading.Timer(3, window.close).start()
-    threading.Thread(target=time.sleep, args=[4], daemon=True).start()  # as MuJoCo's own, when it is slow to close
+    threading.Thread(target=close, args=[window]).start()
     return window
 mujoco.viewer.launch_passive, step = launch, stage.step
 stage.step = lambda: (steps.append(1), step())
@@ -107,4 +116,4 @@ print(len(steps) > 3, threading.active_count())
 def run_in(code: str, display: str) -> subprocess.CompletedProcess[str]:
     source = str(Path(viewer.__file__).parents[2])
     environment = {**os.environ, "DISPLAY": f":{display}", "PYTHONPATH": source, "LIBGL_ALWAYS_SOFTWARE": "1"}
-    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=100)
+    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)

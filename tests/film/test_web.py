@@ -33,7 +33,7 @@ def port() -> Iterator[int]:
 
 
 def ask(port: int, **headers: str) -> bytes:
-    with urlopen(Request(f"http://127.0.0.1:{port}/model", headers=headers), timeout=30) as answer:
+    with urlopen(Request(f"http://127.0.0.1:{port}/model", headers=headers)) as answer:
         return answer.read()
 
 
@@ -49,7 +49,7 @@ def test_the_page_reads_the_model(port, name):
 
 def test_the_page_follows_the_policy(port):
     with link(port, "state", f"http://127.0.0.1:{port}") as state:
-        assert str(state.recv(timeout=30)).startswith("viewers=1")
+        assert str(state.recv()).startswith("viewers=1")
 
 
 @pytest.mark.parametrize(
