@@ -47,7 +47,7 @@ class Carts:
             os.kill(os.getpid(), signal.SIGKILL)
         if self.fault == "leave":
             with open(f"{self.file}-pid", "w") as told:
-                told.write(str(subprocess.Popen(["sleep", "60"]).pid))
+                told.write(str(subprocess.Popen(["sleep", "900"]).pid))
         if self.fault == "terminate":
             os.kill(os.getpid(), signal.SIGTERM)
         if self.fault == "hang":

@@ -202,9 +202,12 @@ def test_sigterm_to_all_ends_no_environment_before_its_training_is_kept():
 
 
 def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(link, "STEPPING", 0.5)
+    simulation = registry.make(f"{CARTS}+fault=hang+step=3", worlds=2)
+    simulation.reset()
+    monkeypatch.setattr(link, "STEPPING", 0.5)  # a reset may take longer on a busy machine
     with pytest.raises(WorkerError) as caught:
-        stepped(f"{CARTS}+fault=hang+step=3", 3)
+        for _ in range(3):
+            simulation.step(torch.zeros(2, 1))
     said(caught.value, "did not finish stepping", "in 0.5 s")
 
 
@@ -275,10 +278,16 @@ def test_what_an_environment_started_ends_however_its_training_does(tmp_path: Pa
     )
     next(messages)
     stat = Path(f"/proc/{(tmp_path / 'helper-pid').read_text()}/stat")
-    assert stat.exists()
+    assert lives(stat)
     messages.close()  # its worker is killed at once, as there are no snapshots
-    for _ in range(100):
-        if not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z":
-            return
+    end = time.monotonic() + 300
+    while lives(stat) and time.monotonic() < end:
         time.sleep(0.1)
-    raise AssertionError("it lives on")
+    assert not lives(stat)
+
+
+def lives(stat: Path) -> bool:
+    try:
+        return stat.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):  # the latter if it ends while its file is read
+        return False

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 import time
 from contextlib import nullcontext
@@ -19,6 +20,7 @@ from openeureka.errors import BudgetError, ConfigError, ModelError, RewardFileEr
 from openeureka.film import mp4, video
 from openeureka.method import baselines
 from openeureka.runs import compose, rewards, trainers
+from openeureka.runs import program as programs
 from openeureka.store import Store, read_replies
 from openeureka.store.directory import ask_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
@@ -175,7 +177,7 @@ def test_a_notebooks_stop_button_returns_the_run_so_far(tmp_path, capsys):
     class Interrupted(Waiting):
         def act(self):
             os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(10)
+            time.sleep(900)
 
     model = Interrupted(SCRIPT)
     run = search(tmp_path / "run", model)
@@ -194,15 +196,25 @@ def test_a_model_that_has_a_name_is_not_asked_for_when_a_run_goes_on(tmp_path, c
     assert capsys.readouterr().out.splitlines()[-1].endswith(".resume()")
 
 
-def test_ctrl_c_ends_a_loop_that_waits_for_an_event(tmp_path, capsys):
+def test_ctrl_c_ends_a_loop_that_waits_for_an_event(tmp_path, capsys, monkeypatch):
+    main, told, seen, hosts = threading.get_ident(), [], [], []
+
+    class Host(programs.Program):
+        def __init__(self, tell, leaving, own):
+            super().__init__(lambda event: (told.append(event), tell(event)), leaving, own)
+            hosts.append(self)
+
     class Slow(Waiting):
         def act(self):
+            while len(seen) < len(told) or sys._current_frames()[main].f_code.co_name != "followed":
+                time.sleep(0.01)
             os.kill(os.getpid(), signal.SIGINT)  # goes to the main thread, which is waiting
-            time.sleep(0.5)
+            hosts[0].leaving.wait()
 
+    monkeypatch.setattr(programs, "Program", Host)
     for event in openeureka.searching(model=Slow(SCRIPT), dir=tmp_path / "run", **SETTINGS):
-        last = event
-    assert not isinstance(last, openeureka.Outcome)
+        seen.append(event)
+    assert not isinstance(seen[-1], openeureka.Outcome)
     assert "Stopped, nothing is lost." in capsys.readouterr().out
     assert not openeureka.open_run(tmp_path / "run").finished
 

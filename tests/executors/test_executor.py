@@ -72,6 +72,10 @@ def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch
 
 
 def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    hold = tmp_path / "hold"  # else a worker might be at its end before it is asked to stop
+    hold.touch()
+    monkeypatch.setenv("HOLD", str(hold))
+    monkeypatch.setattr(retry, "FAREWELL", retry.LONGEST_FAREWELL)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     specs = [LaneSpec(id="human", program="human"), LaneSpec(id="angle", program=GRAPH, seed=1)]
     budget = TrainBudget(env_steps=16 * 64 * 40, worlds=64)
@@ -87,6 +91,7 @@ def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytes
         return messages
 
     (seen,) = trained(tmp_path / "stopped", stop=True)
+    hold.unlink()
     (kept,) = (tmp_path / "stopped").glob("*.pt")
     first, *_, human, angle = trained(tmp_path / "stopped", stop=False)
     assert isinstance(seen, TrainingProgress) and isinstance(first, TrainingProgress)
@@ -231,11 +236,18 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     assert "did not answer in time" in result.message
 
 
+class Clock:
+    """The clock by which silence is counted, `ahead` [s] of the true one."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.ahead = 0.0
+        monkeypatch.setattr(transport, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + self.ahead))
+
+
 def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypatch: pytest.MonkeyPatch):
     """`docker pause`, or SIGSTOP to a whole job, stops both processes."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    monkeypatch.setattr(transport, "LOOK", 0.1)
-
+    clock = Clock(monkeypatch)
     workers, wait = list[Worker](), transport.connection.wait
 
     def started(*args: Any, **options: Any) -> Worker:
@@ -246,7 +258,7 @@ def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypa
         if len(workers) == 1 and not naps:
             naps.append(workers[0].process.pid)
             os.kill(naps[0], signals.SIGSTOP)
-            time.sleep(2.5)  # both processes stand still, and the worker wakes later
+            clock.ahead += 700.0  # both processes stood still, and the worker wakes later
             threading.Timer(0.5, os.kill, (naps[0], signals.SIGCONT)).start()
         else:
             wait(fds, timeout)
@@ -254,13 +266,24 @@ def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypa
     naps = list[int]()
     monkeypatch.setattr(transport, "Worker", started)
     monkeypatch.setattr(transport, "connection", SimpleNamespace(wait=stopped))
-    (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    (score,) = LocalExecutor(module="evaluating_worker", silence=600.0).evaluate("cartpole", {"a": b""}, seed=0)
     assert len(workers) == 1 and score.lane == "a"
 
 
 def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    clock = Clock(monkeypatch)
+
+    class Slow(Worker):
+        """Each of its eight signs of life comes 200 s after the one before."""
+
+        def receive(self, timeout: float | None = None) -> Frame:
+            frame = super().receive(timeout)
+            clock.ahead += 200.0
+            return frame
+
+    monkeypatch.setattr(transport, "Worker", Slow)
+    (score,) = LocalExecutor(module="evaluating_worker", silence=600.0).evaluate("cartpole", {"a": b""}, seed=0)
     assert (score.lane, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
 
 
@@ -327,7 +350,7 @@ def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker(
 )
 def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    trainer = LocalExecutor(module="ended_worker", silence=2.0)
+    trainer = LocalExecutor(module="ended_worker", silence=2.0 if signal == "SIGSTOP" else transport.SILENCE)
     (result,) = trainer.train("cartpole", [LaneSpec(id=signal, program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert sentence in result.message

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 
@@ -22,8 +23,6 @@ from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import RayExecutor
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
-
-pytestmark = pytest.mark.timeout(600)  # starting a node takes seconds, many on a busy machine
 
 BRIEF = TrainBudget(env_steps=16 * 32 * 40, worlds=32)
 SIZE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127.0.0.1", "include_dashboard": False}
@@ -89,6 +88,20 @@ def workers() -> list[int]:
     return [pid for pid in running(b"eager_worker") if token in read(Path(f"/proc/{pid}/environ"))]
 
 
+@contextmanager
+def held() -> Iterator[None]:
+    """Within it, or until `release`, eager workers wait at their second report."""
+    Path(os.environ["HOLD"]).touch()
+    try:
+        yield
+    finally:
+        release()
+
+
+def release() -> None:
+    Path(os.environ["HOLD"]).unlink(missing_ok=True)
+
+
 def read(file: Path) -> bytes:
     """A file of /proc; empty if its process has ended."""
     try:
@@ -98,14 +111,16 @@ def read(file: Path) -> bytes:
 
 
 @pytest.fixture(scope="class")
-def nodes() -> Iterator[Nodes]:
+def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nodes]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # listens on loopback alone
         patch.setenv("RAY_AUTH_MODE", "token")
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+        patch.setenv("HOLD", str(tmp_path_factory.mktemp("ray") / "hold"))
         patch.setattr("openeureka.executors.cluster.FULL", 1)  # so that few lanes make two rounds
+        patch.setattr(retry, "FAREWELL", retry.LONGEST_FAREWELL)
         import ray
 
         cluster = Nodes()
@@ -167,19 +182,21 @@ class TestRayExecutor(TrainerConformance):
     def trained(
         self, folder: Path, disturb: Callable[[], object] = lambda: None, count: int = 2
     ) -> list[TrainingProgress | TrainingResult]:
-        """Messages of a training. `disturb` is called once, when two lanes (or the only one) have left a snapshot."""
+        """Messages of a training. `disturb` is called once, when two lanes (or the only one) have left a snapshot.
+        Until then no lane goes on, so that none is at its end."""
         trainer = RayExecutor(threads=1, address=self.nodes.address, snapshots=folder / "s", module="eager_worker")
         self.nodes.complete()
         lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(count)]
         messages: list[TrainingProgress | TrainingResult] = []
         disturbed = False
-        with pytest.MonkeyPatch.context() as patch:
+        with held(), pytest.MonkeyPatch.context() as patch:
             patch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
             for message in trainer.train("cartpole", lanes, BRIEF):
                 messages.append(message)
                 if not disturbed and len(list((folder / "s").glob("*.pt"))) >= min(count, 2):
                     disturb()
                     disturbed = True
+                    release()
         assert disturbed
         return messages
 
@@ -241,7 +258,7 @@ class TestRayExecutor(TrainerConformance):
         next(training)
         training.close()
         assert len(list((tmp_path / "s").glob("*.pt"))) == 1
-        end = time.monotonic() + 20
+        end = time.monotonic() + 300
         while (left := [*self.nodes.shares(), *workers()]) and time.monotonic() < end:
             time.sleep(0.1)
         assert not left
@@ -252,19 +269,22 @@ class TestRayExecutor(TrainerConformance):
 
         def train(name: str, count: int) -> None:
             lanes = [LaneSpec(id=f"{name}-s{seed}", program="human", seed=seed) for seed in range(count)]
-            messages = self.make().train("cartpole", lanes, BRIEF)
+            trainer = RayExecutor(threads=1, address=self.nodes.address, module="eager_worker")
+            messages = trainer.train("cartpole", lanes, BRIEF)
             ended.extend(name for message in messages if isinstance(message, TrainingResult))
 
         first = Thread(target=train, args=("first", 4))  # two rounds on three nodes
         second = Thread(target=train, args=("second", 1))
-        first.start()
-        while first.is_alive() and not self.nodes.shares():
-            time.sleep(0.1)
-        held, *_ = self.nodes.shares()
-        os.kill(held, signal.SIGSTOP)  # one lane of the first takes as long as the second search
+        with held():  # no lane ends before one is stopped
+            first.start()
+            while not (at_work := self.nodes.shares()):
+                assert first.is_alive()
+                time.sleep(0.1)
+            stopped = next(iter(at_work))
+            os.kill(stopped, signal.SIGSTOP)  # one lane of the first takes as long as the second search
         second.start()
         second.join()
-        os.kill(held, signal.SIGCONT)
+        os.kill(stopped, signal.SIGCONT)
         first.join()
         assert ended[-1] == "first" and sorted(ended) == ["first"] * 4 + ["second"]
 

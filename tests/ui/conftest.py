@@ -21,7 +21,7 @@ from openeureka.ui import follow, guard, server
 
 from .serving import TOKEN
 
-PATIENCE = 90_000
+PATIENCE = 300_000
 """How long a test waits for the page [ms]. Only a page that hangs is to fail: beside three other tests, importing torch
 alone can take longer than a person would wait."""
 

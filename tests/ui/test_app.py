@@ -220,7 +220,7 @@ async def opened(root, known):
     scope |= {"headers": [(b"accept", b"text/event-stream")], "path_params": {"name": "run"}}
 
     async def receive():
-        await asyncio.sleep(60)
+        await asyncio.Event().wait()  # the page is never closed
 
     answer = await app.Pages(root, lambda: False).overview(Request(scope, receive))
     assert answer.media_type == "text/event-stream"

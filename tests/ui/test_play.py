@@ -165,7 +165,8 @@ def test_a_policy_that_went_since_the_page_was_opened_is_not_said_to_have_played
     expect(page.get_by_text("It could not start")).to_be_visible()
 
 
-def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
+def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(play, "PATIENCE", 3 * PATIENCE / 1000)
     page.goto("/runs/run/candidates?show=g0s0")
     page.set_default_timeout(3 * PATIENCE)  # the child loads torch and MuJoCo
     page.get_by_role("button", name="Start").click()
