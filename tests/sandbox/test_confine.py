@@ -225,6 +225,10 @@ def test_a_child_that_had_part_of_its_time_when_the_clock_ended_it_has_waited() 
     assert server._Child(work, confined=False).finish(0.5).kind == "waited"
 
 
+def test_a_child_that_only_computes_uses_up_its_time() -> None:
+    assert server._Child(server._compute, confined=False).finish(0.1, patience=3000).kind == "timeout"
+
+
 def test_a_child_that_does_not_read_is_ended_too() -> None:
     started = time.monotonic()
     outcome = server._Child(wait, confined=False).finish(0.5, bytes(200_000))  # three times what a pipe holds
