@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import math
 import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -55,6 +54,20 @@ class Batch:
     """Whether it only shows that this machine can train at all; its results are dropped."""
 
 
+@dataclass(slots=True)
+class _Heard:
+    """What a worker has said of its attempt so far."""
+
+    epoch: int = 0
+    """The last that it reported."""
+    kept: int = 0
+    """Epoch of the last state that was kept."""
+    reported: float = 0.0
+    """[s] Time of its last report; 0 before the first."""
+    apart: float = 0.0
+    """[s] between its last two reports."""
+
+
 class Errand:
     """Lanes that train as one population, until each has a result.
 
@@ -80,16 +93,17 @@ class Errand:
         self._plan = self._attempts()
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
-        self._losses, self._early = 0, 0
-        """Machines that were lost, and workers in a row that died before they reported, with the same state."""
-        self._device, self._devices, self._deaths = "", set[str](), Counter[str]()
-        """The attempt's device, all devices, and deaths by device; one before the first report, as on a faulty GPU,
-        counts twice."""
-        self._epoch, self._kept, self._died = 0, 0, math.inf
-        """Epochs: in this attempt, the last reported and that of the last state kept; in all, the furthest at which a
-        worker died."""
-        self._reported, self._apart = 0.0, 0.0
-        """[s] Time of the worker's last report, 0 before the first, and time between its last two."""
+        self._heard = _Heard()
+        self._losses = 0
+        """Machines that were lost."""
+        self._early = 0
+        """Workers in a row that died before they reported, with the same state."""
+        self._died: int | None = None
+        """The furthest epoch at which a worker died."""
+        self._device, self._devices = "", set[str]()
+        """That of the attempt, and all of them."""
+        self._deaths = Counter[str]()
+        """By device; a death before the first report, as on a faulty GPU, counts twice."""
 
     def _attempts(self) -> Iterator[Batch]:
         """What to try next, from the lanes that have no result at that moment."""
@@ -116,7 +130,7 @@ class Errand:
     @property
     def farewell(self) -> float:
         """[s] that the worker may take for a last snapshot: its epoch must end first, and may be a slow one."""
-        return min(max(FAREWELL, 2 * self._apart), LONGEST_FAREWELL)
+        return min(max(FAREWELL, 2 * self._heard.apart), LONGEST_FAREWELL)
 
     def choose(self, free: Collection[Seat], seats: Sequence[Seat]) -> Seat | None:
         """The free seat to use now, where the fewest of its workers have died; None to wait for a busy one.
@@ -137,9 +151,7 @@ class Errand:
     def request(self, device: str) -> Frame:
         """The request of the current attempt to a worker on this device."""
         assert self._attempt is not None
-        self._device = device
-        self._reported, self._apart = 0.0, 0.0
-        self._epoch, self._kept = 0, 0
+        self._device, self._heard = device, _Heard()
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
         self._snapshot = Snapshot(folder, _about(packed, device), others=len(self._attempt.lanes) < len(self._left))
@@ -159,22 +171,7 @@ class Errand:
         try:
             frame = call.receive()
         except WorkerError as error:
-            self._losses += isinstance(error, WorkerLost)
-            if isinstance(error, WorkerLost) and self._losses <= LOSSES:
-                return None, True
-            self._deaths[self._device] += 1 if self._reported else 2
-            if self._attempt.control:
-                if any(self._deaths[device] < 2 for device in self._devices):
-                    return None, True
-                raise WorkerError(self._reasons[self.lanes[0].id]) from None
-            self._early += self._snapshot.suspect
-            if self._early == FATAL:
-                self._early = 0
-                self._snapshot.distrust()
-                return None, True
-            further = self._kept > self._died
-            self._died = max(self._epoch, 0 if self._died == math.inf else self._died)
-            if not further:
+            if not self._excused(error):
                 self._end(self._attempt, str(error))
             return None, True
         if frame.header.get("done"):
@@ -182,6 +179,31 @@ class Errand:
             self._end(self._attempt, "Training stopped: The worker process ended without a result.")
             return None, True
         return self.told(frame), False
+
+    def _excused(self, error: WorkerError) -> bool:
+        """Whether an attempt that ended with this error does not count, and is made once more: see the class.
+
+        Raises:
+            WorkerError: when the control has died on every device.
+        """
+        assert self._attempt is not None
+        if isinstance(error, WorkerLost):
+            self._losses += 1
+            if self._losses <= LOSSES:
+                return True
+        self._deaths[self._device] += 1 if self._heard.reported else 2
+        if self._attempt.control:
+            if all(self._deaths[device] > 1 for device in self._devices):
+                raise WorkerError(self._reasons[self.lanes[0].id]) from None
+            return True
+        self._early += self._snapshot.suspect
+        if self._early == FATAL:
+            self._early = 0
+            self._snapshot.distrust()
+            return True
+        further = self._died is not None and self._heard.kept > self._died
+        self._died = max(self._heard.epoch, self._died or 0)
+        return further
 
     def keep(self, frame: Frame) -> None:
         """Keep the state in a frame, if any. Where the disk is full, the state before it stays and training goes on:
@@ -193,7 +215,7 @@ class Errand:
         except StoreError as error:
             _log.warning("A training goes on, but its state could not be saved. %s", error)
         else:
-            self._kept, self._early = self._epoch, 0
+            self._heard.kept, self._early = self._heard.epoch, 0
 
     def told(self, frame: Frame) -> TrainingEvent | None:
         """The event in a frame, None if it is of no use to the caller, who has stored all earlier ones by now."""
@@ -205,10 +227,10 @@ class Errand:
             return None
         message = unpack(frame)
         if isinstance(message, TrainingProgress):
-            now = time.monotonic()
+            now, heard = time.monotonic(), self._heard
             self._snapshot.trust()
-            self._epoch, self._early = message.epoch, 0
-            self._apart, self._reported = now - (self._reported or now), now
+            heard.epoch, self._early = message.epoch, 0
+            heard.apart, heard.reported = now - (heard.reported or now), now
         elif self._left.pop(message.lane, None) is None:
             return None  # a machine that was lost had told it already
         return message
