@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
 from torch import Tensor
@@ -14,6 +14,28 @@ from ..tasks.env import Step
 from ..types import COMPONENT
 from .ppo import STATISTICS
 from .rewards import correlation, moments
+
+Each = TypeVar("Each", Tensor, float)
+
+
+class Sums(NamedTuple, Generic[Each]):
+    """What is summed over the worlds and steps of an epoch: tensors, or the numbers of one lane."""
+
+    value: Each
+    """Of F, times its weight."""
+    weight: Each
+    length: Each
+    """[steps] Of episodes that ended."""
+    ended: Each
+    """Episodes that ended."""
+    own: Each
+    human: Each
+    early: Each
+    """Transitions early in an episode."""
+    terminated: Each
+    """Weight of F on steps that terminated an episode."""
+    elsewhere: Each
+    """Weight of F on steps that ended none."""
 
 
 class Curves:
@@ -68,7 +90,8 @@ class Curves:
         self._start()
 
     def _start(self) -> None:
-        self._sums = torch.zeros(self.lanes, 9, dtype=torch.float64, device=self.device)
+        self._sums = torch.zeros(self.lanes, len(Sums._fields), dtype=torch.float64, device=self.device)
+        """(L, 9): columns as in `Sums`, in one tensor, so that a step costs a GPU a single addition."""
         self._means = torch.zeros(len(self.components), 2, dtype=torch.float64, device=self.device)
         self._steps = 0
 
@@ -80,11 +103,18 @@ class Curves:
             return x.view(self.lanes, self.worlds).double().sum(1)
 
         value, weight = step.score
-        length = step.episode_length * step.ended
-        where = (weight.masked_fill(~step.terminated, 0.0), weight.masked_fill(step.done, 0.0))
-        self._sums += torch.stack(
-            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human, early, *where)], dim=-1
+        terms = Sums(
+            value=value * weight,
+            weight=weight,
+            length=step.episode_length * step.ended,
+            ended=step.ended,
+            own=own,
+            human=human,
+            early=early,
+            terminated=weight.masked_fill(~step.terminated, 0.0),
+            elsewhere=weight.masked_fill(step.done, 0.0),
         )
+        self._sums += torch.stack([per_lane(x) for x in terms], dim=-1)
         self.moments += moments(own, human)
         self._means += means
         self._steps += 1
@@ -99,9 +129,10 @@ class Curves:
             parts: whether the epoch counts for `early_and_late`.
         """
         fitness, own_means = [], []
-        self._scores.append(self._sums[:, :2])
+        sums = Sums(*self._sums.unbind(-1))
+        self._scores.append(torch.stack((sums.value, sums.weight), dim=-1))
         scores = torch.stack(list(self._scores)).sum(0).tolist()
-        self._where += self._sums[:, 7:]
+        self._where += torch.stack((sums.terminated, sums.elsewhere), dim=-1)
         waits = [self._waits(*where) for where in self._where.tolist()]
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
         for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
@@ -109,10 +140,10 @@ class Curves:
         if parts:
             every = torch.full((len(self.components),), float(self._steps * self.worlds), dtype=torch.float64)
             total, early = (self._means.cpu() * self.worlds).unbind(dim=-1)
-            self._parts += torch.stack((total, every, early, self._sums[:, 6].cpu()[self._lane_of]), dim=-1)
+            self._parts += torch.stack((total, every, early, sums.early.cpu()[self._lane_of]), dim=-1)
         for lane, row in enumerate(self._sums.tolist()):
             value, weight = scores[lane]
-            length, done, own, human = row[2:6]
+            one = Sums(*row)
             transitions = self._steps * self.worlds
             epoch = len(self.curves[lane].get("fitness", ()))
             looked = value / weight if weight else None
@@ -121,16 +152,16 @@ class Curves:
                 looked = None
             point: dict[str, float | None] = {
                 "fitness": looked,
-                "episode_length": length / done if done else None,
-                "reward": own / transitions,
-                "human_reward": human / transitions,
+                "episode_length": one.length / one.ended if one.ended else None,
+                "reward": one.own / transitions,
+                "human_reward": one.human / transitions,
             }
             learnt: dict[str, float | None] = {f"ppo/{name}": None for name in STATISTICS}  # `learned` fills it in
             for name, number in (point | components[lane] | learnt).items():
                 finite = number is not None and abs(number) < float("inf")
                 self.curves[lane].setdefault(name, []).append(number if finite else None)
             fitness.append(point["fitness"])
-            own_means.append(own / transitions)
+            own_means.append(one.own / transitions)
         self._start()
         return fitness, own_means
 
