@@ -120,7 +120,7 @@ def test_every_family_has_the_observation_of_its_environment():
     for name in FAMILIES:
         task = registry.get(f"gym:{name.removesuffix('Env')}-v5")
         simulation = registry.make(task.env, worlds=2)
-        assert not task.draws_itself and simulation.reset().shape == (2, task.num_observations)
+        assert not task.steps_itself and simulation.reset().shape == (2, task.num_observations)
 
 
 def test_starts_are_drawn_as_the_original_draws_them():
@@ -153,7 +153,7 @@ def test_a_model_that_no_gpu_solves_says_so():
 def test_the_constructor_decides_and_the_other_prefix_leaves_it_as_it_is():
     task = registry.get("gym:Hopper-v5+healthy_reward=3.0+exclude_current_positions_from_observation=false")
     assert task.constants["healthy_reward"] == 3.0 and task.num_observations == 12 and task.skipped == 0
-    assert registry.get("gym-asis:Hopper-v5").draws_itself
+    assert registry.get("gym-asis:Hopper-v5").steps_itself
 
 
 @pytest.mark.parametrize("spelled", ["false", "False"])
@@ -171,7 +171,7 @@ def test_a_range_of_the_constructor_may_be_spelled_as_python_or_json_has_it(spel
 
 @pytest.mark.parametrize("body, lifted", [("4", False), ("front_left_leg", False), ("1", True), ("torso", True)])
 def test_an_ant_is_lifted_only_where_its_speed_is_that_of_its_torso(body: str, lifted: bool):
-    assert registry.get(f"gym:Ant-v5+main_body={body}").draws_itself is not lifted
+    assert registry.get(f"gym:Ant-v5+main_body={body}").steps_itself is not lifted
 
 
 class Paid(gymnasium.RewardWrapper):
@@ -187,7 +187,7 @@ def test_what_wraps_a_lifted_environment_pays_as_it_says():
     simulation = registry.make("gym:Openeureka/Wrapped-v0", worlds=2)
     simulation.reset()
     assert simulation.task.human_reward(simulation.step(torch.ones(2, 3)).state).tolist() == [-1000.0] * 2
-    assert not registry.get("gym:Openeureka/Same-v0").draws_itself
+    assert not registry.get("gym:Openeureka/Same-v0").steps_itself
 
 
 def test_what_f_rests_on_is_hidden_from_rewards():

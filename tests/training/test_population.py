@@ -283,8 +283,8 @@ def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike, mon
     assert usual == (noisy if alike else quiet) and usual.noisy == alike
     (single,) = evaluate(env, policies, seed=3, episodes=1)
     assert not single.noisy, "a single episode needs no noise"
-    monkeypatch.setattr(simulation.task, "draws_itself", True, raising=False)
-    assert not begin_alike(simulation, 2), "equal starts may go on differently where a task draws"
+    monkeypatch.setattr(simulation.task, "steps_itself", True)
+    assert not begin_alike(simulation, 2), "equal starts may go on differently where a task steps itself"
 
 
 def test_correlation_is_pearsons():

@@ -110,7 +110,7 @@ class NothingDrawn(EurekaError):
 
 def draws_itself(env: str) -> bool:
     """Whether a task's environment makes its own pictures, as MuJoCo has nothing to show of it."""
-    return registry.get(env).draws_itself
+    return registry.get(env).steps_itself
 
 
 class Screen(Play):

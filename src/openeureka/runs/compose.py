@@ -287,7 +287,7 @@ def robust(
         EurekaError: as `search` does.
     """
     task = get(config.env)
-    if task.draws_itself:
+    if task.steps_itself:
         raise ConfigError(f"openeureka does not simulate `{task.env}` itself, so its physics cannot be varied.")
     if config.model == NO_MODEL:
         raise ConfigError("The run has no model. Name one, such as model=gpt-5, or use model=random for random ranges.")

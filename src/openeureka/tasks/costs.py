@@ -32,7 +32,7 @@ class Meter:
 
     def __init__(self, env: BatchedEnv) -> None:
         self._env, self._each = env, dict[str, Callable[[], Tensor]]()
-        self.names = () if env.task.draws_itself else measured(type(env.task), env.sim.model)
+        self.names = () if env.task.steps_itself else measured(type(env.task), env.sim.model)
         """Costs that the task has, in the order of `COSTS`."""
         if not self.names:
             return
@@ -124,7 +124,7 @@ def check(env: str, limits: Limits) -> None:
     if not limits:
         return
     task = get(env)
-    known = () if task.draws_itself else measured(task, task.compile_model())
+    known = () if task.steps_itself else measured(task, task.compile_model())
     for name in limits:
         if name not in known:
             raise ConfigError(

@@ -72,7 +72,7 @@ def find(env: str, randomise: str) -> Ranges | None:
     if randomise == NO_RANGES:
         return None
     task = get(env)
-    if task.draws_itself:
+    if task.steps_itself:
         raise ConfigError(f"`{task.env}` steps itself, so openeureka cannot randomise it; use randomise=none.")
     model = task.compile_model()
     if randomise in NAMED:

@@ -73,7 +73,7 @@ def record_states(
         numbers = "its observations and rewards must be finite."
         raise TaskError(
             f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, and such steps do"
-            f" not count: {numbers if task.draws_itself else physics}"
+            f" not count: {numbers if task.steps_itself else physics}"
         )
     if scored:
         _try_rewards(task, taken[-1])

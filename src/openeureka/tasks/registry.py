@@ -97,7 +97,7 @@ def variant(env: str, values: Mapping[str, object]) -> str:
     return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])
 
 
-FIXED = ("env", "suite", "source", "draws_itself", "human")
+FIXED = ("env", "suite", "source", "steps_itself", "human")
 """Attributes that a setting cannot change: they say what a task is, or hold a program, and a name may come from a
 store."""
 POSITIVE = ("episode_length", "control_dt", "substeps")

@@ -154,7 +154,7 @@ class Task(ABC):
     """What the language model reads in place of the task's own code; empty for that."""
     unmeasured: ClassVar[tuple[tuple[str, range], ...]] = ()
     """What no sensor of the robot tells: state variables, and their columns of the observation."""
-    draws_itself: ClassVar[bool] = False
+    steps_itself: ClassVar[bool] = False
     """Whether the task runs without MuJoCo: its masses cannot be changed, and its worlds render their own pictures."""
     deployment: ClassVar[Deployment | None] = None
     """What a robot's computer must know to run a policy; None where it cannot compute the observation."""
@@ -178,7 +178,7 @@ class Task(ABC):
 
     @classmethod
     def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
-        """N copies of its model. A task that `draws_itself` gives other `Worlds`, and uses only what these offer."""
+        """N copies of its model. A task that `steps_itself` gives other `Worlds`, and uses only what these offer."""
         room = Capacity(cls.max_contacts, cls.max_constraints)
         return open_simulator(cls.compile_model(), num_worlds, device=device, threads=threads, room=room)
 

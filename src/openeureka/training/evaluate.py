@@ -71,7 +71,7 @@ def evaluate(
         for lane, own in (untrained or {}).items()
     }
     policies = {**policies, **begun}
-    unplayed = changed.keys() if task.draws_itself else set[str]()
+    unplayed = changed.keys() if task.steps_itself else set[str]()
     scores = [
         Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
     ]
@@ -123,7 +123,7 @@ def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
 
     False where a lane has a single world, and for tasks without MuJoCo: their equal starts may go on differently.
     """
-    if simulation.task.draws_itself or simulation.num_worlds == lanes:
+    if simulation.task.steps_itself or simulation.num_worlds == lanes:
         return False
     state, spec = simulation.current_state(), simulation.task.spec
     worlds = (state[name].float().unflatten(0, (lanes, -1)) for name in spec.per_world)

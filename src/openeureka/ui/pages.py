@@ -137,7 +137,7 @@ def playable(directory: Path, run: RunView, name: str) -> bytes | None:
 def _in_depth(env: str) -> bool:
     """Whether MuJoCo can draw the task, and the task is installed: no file that the run names is imported."""
     task = registry.offered(env)
-    return task is not None and not task.draws_itself
+    return task is not None and not task.steps_itself
 
 
 def trained(directory: Path, run: RunView) -> Parts:

@@ -119,7 +119,7 @@ class GymTask(PaidTask):
     """An environment that steps itself."""
 
     substeps = 1
-    draws_itself = True
+    steps_itself = True
     make: ClassVar[Any]
     """A static function without arguments: makes one environment."""
 

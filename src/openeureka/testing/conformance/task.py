@@ -248,7 +248,7 @@ class TaskConformance:
         _check_alone(found, expected, worlds)
 
     def _expect_mujoco(self) -> None:
-        if get(self.env).draws_itself:
+        if get(self.env).steps_itself:
             raise SkipTest("an environment that steps itself runs on the CPU and has no MuJoCo model")
 
     def _check_hidden(self, shown: str, source: str, what: str) -> None:
