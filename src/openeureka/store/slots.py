@@ -26,11 +26,8 @@ class TalkLog:
             self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
         self.save_slots(generation, slots, asked=slots.start, parent=parent)
         asked = [
-            {
-                **dict(row),
-                "messages": [dataclasses.asdict(m) for m in self._database.decoded(decode_messages, row["messages"])],
-            }
-            for row in self._database.rows("prompts")
+            {"generation": place[0], "slot": place[1], "messages": [*map(dataclasses.asdict, messages)]}
+            for place, messages in self.prompts().items()
         ]
         artifacts.write(self._database.directory, "messages.json", json.dumps(asked, indent=2))
 
