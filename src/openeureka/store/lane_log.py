@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import sqlite3
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
 from ..errors import StoreError, WorkerError
@@ -114,10 +114,10 @@ class LaneLog:
         self._database.put("evaluations", *map(encode_evaluation, scores))
 
     def evaluations(self) -> dict[str, Evaluation]:
-        return {row["lane"]: self._evaluation(dict(row)) for row in self._database.rows("evaluations")}
+        return {row["lane"]: self._evaluation(row) for row in self._database.rows("evaluations")}
 
-    def _evaluation(self, row: dict[str, Any]) -> Evaluation:
-        return self._database.decoded(decode_evaluation, row)
+    def _evaluation(self, row: sqlite3.Row) -> Evaluation:
+        return self._database.decoded(decode_evaluation, dict(row))
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
         """Store the scores that lanes are ranked by, and the recorded episodes.
@@ -137,10 +137,8 @@ class LaneLog:
         """The scores that lanes are ranked by, by lane id and policy, in the order of the looks."""
         found: dict[str, dict[Peak, tuple[Evaluation, ...]]] = {}
         for row in self._database.rows("plays", order=("look", "rowid")):
-            score = dict(row)
-            del score["look"]
             own = found.setdefault(row["lane"], {})
-            own[row["peak"]] = (*own.get(row["peak"], ()), self._evaluation(score))
+            own[row["peak"]] = (*own.get(row["peak"], ()), self._evaluation(row))
         return found
 
     def episodes(self, lane: str) -> Episodes | None:
@@ -162,9 +160,8 @@ class LaneLog:
         """The standing of each lane, by lane id and rung."""
         found: dict[str, dict[int, Standing]] = {}
         for row in self._database.rows("rungs", order=("rung", "rowid")):
-            score = dict(row)
-            rung, went_on = score.pop("rung"), bool(score.pop("went_on"))
-            found.setdefault(row["lane"], {})[rung] = Standing(self._evaluation(score), went_on)
+            standing = Standing(self._evaluation(row), bool(row["went_on"]))
+            found.setdefault(row["lane"], {})[row["rung"]] = standing
         return found
 
     def pause(self, rung: int, result: TrainingResult) -> None:
@@ -199,9 +196,7 @@ class LaneLog:
         """Scores by lane id and name of the tryout."""
         found: dict[str, dict[str, Evaluation]] = {}
         for row in self._database.rows("trials"):
-            score = dict(row)
-            name = score.pop("name")
-            found.setdefault(row["lane"], {})[name] = self._evaluation(score)
+            found.setdefault(row["lane"], {})[row["name"]] = self._evaluation(row)
         return found
 
 

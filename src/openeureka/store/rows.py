@@ -6,7 +6,7 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
@@ -176,8 +176,9 @@ def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
-    """Inverse of `encode_evaluation`. Raises DecodeError for costs that are not numbers by name."""
-    columns: dict[str, Any] = dict(row)
+    """Inverse of `encode_evaluation`, whatever else the row says of the lane. Raises DecodeError for costs that are not
+    numbers by name."""
+    columns = {field.name: row[field.name] for field in fields(Evaluation) if field.name != "recorded"}
     columns["noisy"] = bool(row["noisy"])
     columns["costs"] = decode(Costs, row["costs"]) if row["costs"] is not None else {}
     return Evaluation(**columns)
