@@ -598,4 +598,5 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(
     open_ = Difference(value=0.5, low=-0.5, high=1.5, seeds=9)
     monkeypatch.setattr(Outcome, "difference", property(lambda outcome: open_))
     folder = "best" if more else f"candidates/{own.program.id}"
-    assert f"reward=human,DIR/{folder}/reward.py" in deciding(view) and (tmp_path / folder / "reward.py").exists()
+    ((command, _),) = deciding(view)
+    assert f"reward=human,DIR/{folder}/reward.py" in command and (tmp_path / folder / "reward.py").exists()

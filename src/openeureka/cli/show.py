@@ -153,10 +153,9 @@ def robust_lines(found: Robust) -> list[str]:
 def closing(run: RunView, directory: Path) -> list[str]:
     """The last lines of a command that made a run: where everything is, and the command to decide what is open."""
     shown = short_path(directory)
-    command = deciding(run, str(shown))
     return [
         f"\nEverything is in {shown}; begin with report.html",
-        *([f"To decide what is open: {plain(command)}"] if command else []),
+        *(f"To decide what is open: {plain(command)}" for command, _ in deciding(run, str(shown))),
     ]
 
 

@@ -200,34 +200,34 @@ def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tu
         return [(command_line("resume", directory), "continue where it stopped")]
     if not kept:
         return []
-    told = [(command_line("play", directory), "watch the best reward's policy")]
-    if command := deciding(run, directory):
-        left = _left_open(run, directory)
-        told.insert(0, (command, "an even chance to decide it" if left and left[0] else "train both with more seeds"))
+    told = [*deciding(run, directory), (command_line("play", directory), "watch the best reward's policy")]
     if run.polished is not None and run.polished.better:
         told.append((command_line("play", directory, "policy=polished"), "watch the best policy"))
     return told
 
 
-def deciding(run: RunView, directory: str = "DIR") -> str:
-    """The command that may decide what a run left open: the two rewards train with seeds by which neither was chosen.
-    Empty where nothing is open, or too many seeds would be needed.
+def deciding(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
+    """The command that may decide what a run left open, and what it does: the two rewards train with seeds by which
+    neither was chosen. Empty where nothing is open, or too many seeds would be needed.
     """
     config, left = run.config, _left_open(run, directory)
     if left is None:
-        return ""
+        return []
     found, rewards = left
-    if found is not None and (found.sure or found.seeds is None):
-        return ""
+    seeds, effect = FEWEST, "train both with more seeds"
+    if found is not None:
+        if found.sure or found.seeds is None:
+            return []
+        seeds, effect = _enough(found.seeds), "an even chance to decide it"
     usual = TrainConfig()
     settings = {
         "env": config.env,
         "reward": ",".join(rewards),
         **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
         "seed": unused_seed(config),
-        "seeds": _enough(found.seeds) if found is not None and found.seeds is not None else FEWEST,
+        "seeds": seeds,
     }
-    return command_line("train", *(f"{key}={value}" for key, value in settings.items()))
+    return [(command_line("train", *(f"{key}={value}" for key, value in settings.items())), effect)]
 
 
 def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[str, str]] | None:
