@@ -33,7 +33,7 @@ from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import judge
-from openeureka.stats import mean
+from openeureka.stats import jackknife, mean
 from openeureka.types import Candidate, CandidateId, Episodes, Place, Reply, RewardGraph, lane_id
 
 RESULTS = results("screening")
@@ -203,9 +203,8 @@ def measure(env: str) -> Record:
 
 def _between(value: float, without: Sequence[float]) -> list[float]:
     """A mean over draws and its interval by the jackknife over rewards."""
-    middle, count = _mean(without), len(without)
-    error = math.sqrt((count - 1) / count * sum((one - middle) ** 2 for one in without))
-    return [value, value - 1.96 * error, value + 1.96 * error]
+    half = 1.96 * jackknife(without)
+    return [value, value - half, value + half]
 
 
 def _mean(values: Iterator[float] | Sequence[float]) -> float:

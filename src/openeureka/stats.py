@@ -50,6 +50,13 @@ def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
     return (np.cumsum(counts) - (counts - 1) / 2)[places]
 
 
+def jackknife(without: Sequence[float]) -> float:
+    """Standard error of a statistic, from its values without each unit in turn (Efron and Stein 1981)."""
+    import numpy as np  # as in `midranks`
+
+    return math.sqrt((len(without) - 1) * float(np.var(without)))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
     """How much higher F of one reward is than that of another, over training seeds."""

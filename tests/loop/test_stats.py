@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from openeureka.stats import Difference, difference, estimate, mean, midranks, pearson, spent, two_valued
+from openeureka.stats import Difference, difference, estimate, jackknife, mean, midranks, pearson, spent, two_valued
 
 
 def test_mean_leaves_undefined_values_out() -> None:
@@ -33,6 +33,11 @@ def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
 def test_equal_values_share_the_mean_of_their_ranks() -> None:
     # In order -inf -inf 0.5 3 3 3: places 1 and 2, 3, 4 to 6.
     assert midranks([3.0, -math.inf, 3.0, 0.5, -math.inf, 3.0]).tolist() == [5.0, 1.5, 5.0, 3.0, 1.5, 5.0]
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error() -> None:
+    # The mean of 1, 2 and 3 without each: 2.5, 2 and 1.5. Its standard error is 1 / sqrt(3).
+    assert jackknife([2.5, 2.0, 1.5]) == pytest.approx(1 / math.sqrt(3))
 
 
 def test_the_interval_of_a_difference_by_hand() -> None:

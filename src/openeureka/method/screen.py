@@ -22,7 +22,7 @@ import numpy as np
 
 from ..events import Checked
 from ..score import ERRORS
-from ..stats import midranks
+from ..stats import jackknife, midranks
 from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 from .lanes import Lanes
 from .sampling import Sampler
@@ -127,13 +127,13 @@ def rate(place: Place, prompt: int, paid: Sequence[float] | None, witnesses: Seq
 
 
 def _agreement(returns: Vector, worth: Vector, lane: Vector) -> tuple[float | None, float | None]:
-    """Spearman's rank correlation, and its error by the jackknife over lanes (Efron and Stein 1981)."""
+    """Spearman's rank correlation, and its error by the jackknife over lanes."""
     whole = _correlation(returns, worth)
     left = [_correlation(returns[lane != one], worth[lane != one]) for one in np.unique(lane)]
     known = [one for one in left if one is not None]
     if whole is None or len(known) < max(3, len(left)):
         return whole, None
-    return whole, math.sqrt((len(known) - 1) * float(np.var(known)))
+    return whole, jackknife(known)
 
 
 def _correlation(a: Vector, b: Vector) -> float | None:
