@@ -1,4 +1,4 @@
-"""A search without a listener and without a person to ask, unless a test passes them."""
+"""A search without a listener and without a person to ask, unless a test passes them, and what may end it."""
 
 from openeureka import loop
 from openeureka.config import RunConfig
@@ -11,6 +11,10 @@ from openeureka.store import Store
 from openeureka.strategies import SearchStrategy
 from openeureka.testing.scripted import ToyDesk
 from openeureka.types import TaskContext, Trainer
+
+
+class Killed(BaseException):
+    """Stands for the end of the process."""
 
 
 def run(

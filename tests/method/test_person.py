@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from loop.alone import run
+from loop.alone import Killed, run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
@@ -62,10 +62,6 @@ class Silent:
         """Nobody says anything. A fourth call means that the timeout was ignored."""
         self.left -= 1
         assert self.left >= 0
-
-
-class Killed(Exception):
-    """Stands for a signal that ends the process."""
 
 
 class Dying(Silent):

@@ -8,7 +8,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from loop.alone import run
+from loop.alone import Killed, run
 
 from openeureka import strategies
 from openeureka.config import RunConfig
@@ -153,10 +153,6 @@ def test_a_race_of_equals_ends_with_better_or_worse_in_five_of_a_hundred(seeds: 
     random = Random(f"{seeds} {raced}")
     wrong = sum(drawn(random, [f"reward {number}" for number in range(raced)], seeds) for _ in range(1000))
     assert wrong <= 70  # at most 50 are to be expected; 70 is three standard errors more
-
-
-class Killed(Exception):
-    """Stands for the end of the process."""
 
 
 @dataclass

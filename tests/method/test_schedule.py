@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from loop.alone import run
+from loop.alone import Killed, run
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
@@ -117,10 +117,6 @@ def test_final_trainings_are_whole(tmp_path: Path):
             for name, result in store.lanes.results().items()
             if store.lanes.all()[name].role == "final"
         )
-
-
-class Killed(BaseException):
-    pass
 
 
 class Dies(ToyTrainer):

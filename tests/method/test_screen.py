@@ -10,7 +10,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from loop.alone import run
+from loop.alone import Killed, run
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
@@ -226,10 +226,6 @@ def test_damaged_episodes_are_no_evidence(tmp_path: Path):
         samples = fill(1, make(config).ask(history, Random(0)), sampler, lanes, history)
     # Nothing is known about any reward, so none counts as wrong, and the earlier slots train.
     assert [sample.verdict.accepted for sample in samples] == [True, True, False, False, False, False]
-
-
-class Killed(BaseException):
-    pass
 
 
 class Dies(ToyTrainer):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from loop.alone import run
+from loop.alone import Killed, run
 
 from openeureka import strategies
 from openeureka.cli.show import facts, summary
@@ -307,10 +307,6 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     assert of_polishing(both).endswith("Both break a limit: torque 78 N m, above 65.")
     wins = replace(stricter, breach="", best=PolicyId("other-s0", "last"))  # a lane of lower torque
     assert of_polishing(wins).startswith("The policy that trained further wins: the one before breaks a limit, torque ")
-
-
-class Killed(BaseException):
-    pass
 
 
 @dataclass
