@@ -19,6 +19,7 @@ from __future__ import annotations
 import lzma
 import shutil
 import sqlite3
+import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -65,8 +66,6 @@ ENDINGS = {
 }
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What differs in a repeated search, or is missing there."""
-REWARD = "../../benchmarks/headline/rewards/{}.py"
-"""Where the page finds the reward of a task."""
 COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
 
 
@@ -104,12 +103,17 @@ def put_away(store: Path, archive: Path, env: str) -> None:
     (archive / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
 
 
-def publish(env: str, folder: Path = REWARDS) -> None:
+def publish(env: str) -> None:
     """Write the winner of an archived search as a file, to read and to train."""
     best = archive(env).best
     assert best is not None
-    folder.mkdir(exist_ok=True)
-    (folder / f"{short_name(env)}.py").write_text(best.program.source)
+    REWARDS.mkdir(exist_ok=True)
+    reward(env).write_text(best.program.source)
+
+
+def reward(env: str) -> Path:
+    """The file of a task's winner."""
+    return REWARDS / f"{short_name(env)}.py"
 
 
 def portable(store: Path) -> bytes:
@@ -231,16 +235,19 @@ def _defined(scores: Sequence[float | None]) -> list[float]:
     return [score for score in scores if score is not None]
 
 
+def ordered(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
+    """Tasks and rows, in the order of the plan."""
+    return ((env, measured[env]) for env in load(PLAN).tasks if env in measured)
+
+
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     """One row per task, in the order of the plan. Where its reward trained again, the row below has the seeds that
     chose nothing.
     """
     found: list[list[str]] = []
-    for env in (env for env in load(PLAN).tasks if env in measured):
-        row = measured[env]
-        again = row.get("confirmed")
-        name = short_name(env)
-        first = f"[{name}]({REWARD.format(name)})", f"{row['steps']:,}", *_scores(row, row["sparse"])
+    for env, row in ordered(measured):
+        name, again = short_name(env), row.get("confirmed")
+        first = f"[{name}](../../{reward(env).relative_to(ROOT)})", f"{row['steps']:,}", *_scores(row, row["sparse"])
         found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
             how = " that play with noise" if again.get("noisy") else ""
@@ -259,7 +266,7 @@ def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
 
 def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
     """The decisive scores of the rows that have a difference, in the order of the plan."""
-    known = ((short_name(env), decided(measured[env])) for env in load(PLAN).tasks if env in measured)
+    known = ((short_name(env), decided(row)) for env, row in ordered(measured))
     return ((name, row) for name, row in known if row["difference"] is not None)
 
 
@@ -319,13 +326,13 @@ def _means(decisive: Sequence[Record]) -> str:
 
 def data(measured: Mapping[str, Record]) -> list[list[str]]:
     """Every F held out of the table, in `COLUMNS`: one training a row."""
-    return [row for env in load(PLAN).tasks if env in measured for row in _data(short_name(env), measured[env])]
+    return [line for env, row in ordered(measured) for line in _data(short_name(env), row)]
 
 
 def _data(name: str, row: Record) -> Iterator[list[str]]:
     again = row.get("confirmed") or {"seeds": (), "generated": (), "human": ()}
     crowned, noise = row["crowned"], "yes" if again.get("noisy") else "no"
-    drawn = range(row["seed"], row["seed"] + TRAININGS)
+    drawn = range(row["seed"], sys.maxsize)
     raced = drawn[1:]  # the seed of the search chose among the generated rewards
     groups = [
         ("race", "no", "generated", crowned, raced, row["generated"]),

@@ -1,13 +1,14 @@
 """Environments that another process steps: the same numbers as in this process, and one sentence for every failure."""
 
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import torch
 
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+from processes import ends, running
 
 from openeureka.adapters.foreign import link
 from openeureka.config import RunConfig
@@ -277,17 +278,7 @@ def test_what_an_environment_started_ends_however_its_training_does(tmp_path: Pa
         TrainBudget(env_steps=4 * 64 * 8_000, worlds=4),
     )
     next(messages)
-    stat = Path(f"/proc/{(tmp_path / 'helper-pid').read_text()}/stat")
-    assert lives(stat)
+    helper = int((tmp_path / "helper-pid").read_text())
+    assert running(helper)
     messages.close()  # its worker is killed at once, as there are no snapshots
-    end = time.monotonic() + 300
-    while lives(stat) and time.monotonic() < end:
-        time.sleep(0.1)
-    assert not lives(stat)
-
-
-def lives(stat: Path) -> bool:
-    try:
-        return stat.read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):  # the latter if it ends while its file is read
-        return False
+    assert ends(helper)

@@ -14,7 +14,6 @@ import pytest
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
-from openeureka.config import short_name
 from openeureka.events import nobody
 from openeureka.llm.registry import archived
 from openeureka.method import race
@@ -82,7 +81,7 @@ def test_a_tie_of_zeros_is_no_draw():
     assert "better than the human one on 1 tasks, level on 0, worse on 0." in told
     assert "too few to tell on 0 tasks. Both rewards score zero on 1." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
-    links = [f"[{name}]({headline.REWARD.format(name)})" for name in ("ant", "shadow_hand_kettle")]
+    links = [f"[{name}](../../benchmarks/headline/rewards/{name}.py)" for name in ("ant", "shadow_hand_kettle")]
     assert [line[0] for line in headline.rows(measured)] == links
 
 
@@ -222,8 +221,7 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
     row = headline.read(headline.RESULTS)[env]
     assert best is not None and str(best.sample.place) == row["crowned"]
     assert best.sample.candidate is not None
-    published = headline.REWARDS / f"{short_name(env)}.py"
-    assert published.read_text() == best.sample.candidate.source
+    assert headline.reward(env).read_text() == best.sample.candidate.source
     assert ends.difference is not None
     assert [ends.difference.value, ends.difference.low, ends.difference.high] == pytest.approx(row["difference"])
     ids = {"generated": best.candidate_id, "human": "human", "sparse": "sparse"}

@@ -3,11 +3,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from processes import ends, running
 
 import openeureka
 from openeureka import cores as counted
@@ -225,9 +225,9 @@ def test_what_a_child_that_ended_has_left_running_ends_with_it(worker: Worker):
         worker.ending()
         == "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
     )
-    assert _running(left)
+    assert running(left)
     worker.close()
-    assert _ends(left)
+    assert ends(left)
     worker.close()
     assert worker.ending() == ""
 
@@ -316,20 +316,4 @@ def test_the_child_dies_with_its_parent():
         "print(w.process.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert _ends(int(done.stdout))
-
-
-def _ends(pid: int) -> bool:
-    """Whether a process ends, even on a busy machine."""
-    end = time.monotonic() + 300
-    while _running(pid) and time.monotonic() < end:
-        time.sleep(0.05)
-    return not _running(pid)
-
-
-def _running(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except (FileNotFoundError, ProcessLookupError):  # the latter if it ends while its file is read
-        return False
-    return state != "Z" and os.path.exists(f"/proc/{pid}")
+    assert ends(int(done.stdout))
