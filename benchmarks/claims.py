@@ -20,9 +20,9 @@ from pathlib import Path
 from statistics import fmean, variance
 
 import fresh
-import headline
 import longer
 import rungs
+import table
 from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 
 import openeureka
@@ -32,7 +32,7 @@ from openeureka.stats import mean, pooled, quantile
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
-ROWS = load(headline.PLAN).per_task
+ROWS = load(table.PLAN).per_task
 LONGER = tuple(env for env in load(longer.PLAN).tasks if env != "ant")
 """Tasks whose second prompt a longer search sent: all that have such a search, except Ant, which was asked before."""
 STEPS = {env: ROWS[env]["steps"] for env in ("ant", "ballbalance", "quadcopter", *LONGER)}

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import fresh
 import headline
+import table
 from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, write
 
 from openeureka.benchmark.plan import load
@@ -65,7 +66,7 @@ def measure(env: str) -> Record:
     """What both choices of a row are worth, where they differ."""
     run = headline.archive(env)
     own, other = choices(run)
-    known = read(headline.RESULTS)[env].get("confirmed", {})
+    known = read(table.RESULTS)[env].get("confirmed", {})
     again = len(known.get("seeds", ())) == SEEDS and known.get("noisy", False) == fresh.noisy(env)
     candidates = (entry.sample.candidate for entry in ((other,) if again else (own, other)))
     sources = [candidate.source for candidate in candidates if candidate is not None]
@@ -83,14 +84,14 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
             *(short_name(env), row["best"], row["eureka"], spread(row["own"]), spread(row["other"])),
             interval(*row["difference"], digits=3),
         )
-        for env in load(headline.PLAN).tasks
+        for env in load(table.PLAN).tasks
         if "difference" in (row := measured.get(env, {}))
     ]
 
 
 def decisive() -> list[str]:
     """The rows that have something to compare: not both at zero."""
-    return [env for env, row in read(headline.RESULTS).items() if headline.ending(row) != "both at zero"]
+    return [env for env, row in read(table.RESULTS).items() if table.ending(row) != "both at zero"]
 
 
 def summary(measured: Mapping[str, Record]) -> str:
@@ -108,7 +109,7 @@ def summary(measured: Mapping[str, Record]) -> str:
 
 if __name__ == "__main__":
     parser = command_line(__doc__)
-    parser.add_argument("--env", nargs="+", choices=sorted(read(headline.RESULTS)))
+    parser.add_argument("--env", nargs="+", choices=sorted(read(table.RESULTS)))
     parser.add_argument("--choices", action="store_true", help="only what both crown, which takes no training")
     options = parser.parse_args()
     tasks = options.env or decisive()

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import fresh
 import headline
+import table
 from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, read, results
 
 from openeureka.benchmark.plan import Plan, load
@@ -53,12 +54,12 @@ def left(measured: Mapping[str, Record], plan: Path = PLAN) -> list[str]:
 
 def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
     """One row per task: what decides its row of the table, and what the later search found. Intervals hold together."""
-    known, tasks, found = read(headline.RESULTS), load(plan).tasks, list[list[str]]()
+    known, tasks, found = read(table.RESULTS), load(plan).tasks, list[list[str]]()
     for env in (env for env in tasks if env in measured):
-        first, later = headline.decided(known[env]), headline.decided(measured[env])
+        first, later = table.decided(known[env]), table.decided(measured[env])
         later |= {"difference": fresh.between(later["human"], later["generated"], claims=len(tasks)), "confirmed": None}
         scores = (spread(row[name]) for row in (first, later) for name in ("generated", "human"))
-        ends = interval(*later["difference"], digits=3), headline.ending(later), later["crowned"]
+        ends = interval(*later["difference"], digits=3), table.ending(later), later["crowned"]
         found.append([short_name(env), *scores, *ends])
     return found
 
@@ -70,7 +71,7 @@ def summary(measured: Mapping[str, Record]) -> str:
 
 def reached(measured: Mapping[str, Record]) -> str:
     """How many of the later searches are at or above the human reward: the end of a sentence."""
-    decisive = [headline.decided(row) for row in measured.values()]
+    decisive = [table.decided(row) for row in measured.values()]
     above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
     return f"the generated reward is at or above the human one on {above} of {len(decisive)} tasks."
 

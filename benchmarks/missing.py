@@ -18,7 +18,6 @@ from collections.abc import Iterator
 
 import claims
 import greedy
-import headline
 import longer
 import make_run
 import measurable
@@ -26,6 +25,7 @@ import mended
 import polish
 import progress
 import prompts
+import table
 import tune
 from records import FOLDER, command_line, read
 
@@ -36,8 +36,8 @@ def left() -> Iterator[list[str]]:
     """The commands that would find something new, the quickest ways to a whole table first."""
     known = read(measurable.RESULTS)
     yield from (["measurable.py", "--env", env] for env in measurable.ENVS if env not in known)
-    known = read(headline.RESULTS)
-    yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
+    known = read(table.RESULTS)
+    yield from (["headline.py", "--env", env] for env in load(table.PLAN).tasks if env not in known)
     yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
     yield from (["mended.py", "--env", env] for env in mended.left(read(mended.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))

@@ -21,9 +21,9 @@ from pathlib import Path
 from random import Random
 
 import fresh
-from headline import PLAN
-from headline import RESULTS as HEADLINE
 from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results
+from table import PLAN
+from table import RESULTS as HEADLINE
 
 import openeureka
 from openeureka.benchmark.plan import load

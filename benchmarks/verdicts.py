@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from random import Random
 from statistics import stdev, variance
 
-import headline
+import table
 from records import Record, command_line, read, results, today, write
 
 from openeureka import stats
@@ -41,7 +41,7 @@ Spreads = tuple[Sequence[float], float]
 
 def measure(races: int = RACES) -> Record:
     """Try all rules with each number of seeds."""
-    rows = spreads(read(headline.RESULTS))
+    rows = spreads(read(table.RESULTS))
     found: Record = {"races": races, "gap": GAP, "date": today(), "rows": rows, "rules": {}}
     for name, rule in RULES.items():
         for seeds in SEEDS:

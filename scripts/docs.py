@@ -35,7 +35,6 @@ import gpu
 import greedy
 import gym_lifted
 import gym_solved
-import headline
 import longer
 import make_run
 import measurable
@@ -49,6 +48,7 @@ import randomise
 import reachable
 import robust
 import rungs
+import table
 import throughput
 import tune
 import verdicts
@@ -176,11 +176,11 @@ def parts() -> Mapping[str, Mapping[str, str]]:
     return {
         "README.md": {
             "found": f"{_rows(found)}\n{make_run.summary()}\n",
-            "headline": _rows(headline, headline.endings, ("the generated reward is", "tasks")),
+            "headline": _rows(table, table.endings, ("the generated reward is", "tasks")),
         },
         "CONTRIBUTING.md": {"tree": tree()},
         "docs/reference/headline.md": {
-            "headline": f"{_summary_of(headline)}\n{_rows(headline)}\n{headline.measured_on(read(headline.RESULTS))}\n",
+            "headline": f"{_summary_of(table)}\n{_rows(table)}\n{table.measured_on(read(table.RESULTS))}\n",
             "longer": f"{_summary_of(longer)}\n{_rows(longer)}",
             "mended": f"{_summary_of(mended)}\n{_rows(mended)}",
             "greedy": f"{_summary_of(greedy)}\n{_table(greedy.TITLES, greedy.rows(read(greedy.RESULTS)))}",
@@ -272,13 +272,13 @@ def pictures() -> Mapping[Path, str]:
     """Path -> SVG of what is measured."""
     told = [(task, kind, cells) for task, _, kind, cells in rungs.correlations(read(rungs.RESULTS))]
     early = predictors.correlations(read(predictors.RESULTS))
-    rows = read(headline.RESULTS)
+    rows = read(table.RESULTS)
     drawn = {
         "robust.svg": figures.robust(robust.drawn(read(robust.RESULTS))),
         "rungs.svg": figures.correlations(told, rungs.RUNGS, "with the end: {}", "rank correlation of played F"),
         "predictors.svg": figures.correlations(early, predictors.SHARES, "{}", "rank correlation with played F"),
-        "headline.svg": figures.bars(headline.gains(rows)),
-        "novelty.svg": figures.novelty(headline.novelty(rows)),
+        "headline.svg": figures.bars(table.gains(rows)),
+        "novelty.svg": figures.novelty(table.novelty(rows)),
     }
     return {IMAGES / name: text for name, text in drawn.items()}
 
@@ -294,7 +294,7 @@ def generated() -> Mapping[Path, str]:
         reference / "python.md": python_page.page(),
         reference / "modules.md": modules(),
         reference / "baselines.md": measured_baselines(),
-        reference / "headline.csv": _csv(headline.COLUMNS, headline.data(read(headline.RESULTS))),
+        reference / "headline.csv": _csv(table.COLUMNS, table.data(read(table.RESULTS))),
         **{ROOT / page: _filled(ROOT / page, own) for page, own in parts().items()},
         **pictures(),
     }

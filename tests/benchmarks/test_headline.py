@@ -11,6 +11,7 @@ from typing import NoReturn
 
 import headline
 import pytest
+import table
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
@@ -48,56 +49,56 @@ def test_a_row_ends_as_its_interval_says():
         "one seed": row([2.0], [1.0], None),
         "both at zero": row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0]),
     }
-    assert [headline.ending(one) for one in found.values()] == list(found)
+    assert [table.ending(one) for one in found.values()] == list(found)
 
 
 def test_seeds_that_could_not_decide_are_no_draw():
     own = row([1.0, 0.0, 1.0], [0.0] * 4, [0.67, 0.0, 1.33]) | {"runners_up": {"g0s1": [0.0, 1.0, 1.0]}}
-    assert headline.ending(own) == "too few seeds", "with a rival, even 3 of 3 against 0 of 4 may be chance"
-    assert headline.ending(own | {"runners_up": {}}) == "level", "without a rival, it would not be chance"
-    assert headline.ending(own | {"generated": [0.5, 0.25, 1.0]}) == "level", "F has more than two values"
+    assert table.ending(own) == "too few seeds", "with a rival, even 3 of 3 against 0 of 4 may be chance"
+    assert table.ending(own | {"runners_up": {}}) == "level", "without a rival, it would not be chance"
+    assert table.ending(own | {"generated": [0.5, 0.25, 1.0]}) == "level", "F has more than two values"
     rival = {"generated": [1.0] * 3, "human": [1.0, 0.5, 1.0, 1.0], "runners_up": {"g0s1": [0.5, 1.0, 1.0]}}
-    assert headline.ending(own | rival) == "too few seeds", "any two values count as 0 and 1 do"
+    assert table.ending(own | rival) == "too few seeds", "any two values count as 0 and 1 do"
     more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
-    assert headline.ending(own | {"confirmed": more}) == "level"
-    assert "level on 0, worse on 0. Three seeds are too few to tell on 1 tasks" in headline.summary({"ant": own})
-    assert headline.endings({"ant": own}) == [
+    assert table.ending(own | {"confirmed": more}) == "level"
+    assert "level on 0, worse on 0. Three seeds are too few to tell on 1 tasks" in table.summary({"ant": own})
+    assert table.endings({"ant": own}) == [
         ("not decided: three seeds are too few to tell", "1"),
-        ("not measured yet", str(len(load(headline.PLAN).tasks) - 1)),
+        ("not measured yet", str(len(load(table.PLAN).tasks) - 1)),
     ]
 
 
 def test_where_the_two_rewards_trained_on_two_kinds_of_processor_the_page_says_so():
     alike = {"date": "2026-01-02", "processor": "A"}
     again = {"date": "2026-01-03", "processor": "B", "generated_on": "A"}
-    told = headline.measured_on({"ant": alike | {"confirmed": again}})
+    told = table.measured_on({"ant": alike | {"confirmed": again}})
     assert "A for the generated reward, B for the human one: 1" in told and "- A: 1" in told
 
 
 def test_a_tie_of_zeros_is_no_draw():
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
-    told = headline.summary(measured)
+    told = table.summary(measured)
     assert "better than the human one on 1 tasks, level on 0, worse on 0." in told
     assert "too few to tell on 0 tasks. Both rewards score zero on 1." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
     links = [f"[{name}](../../benchmarks/headline/rewards/{name}.py)" for name in ("ant", "shadow_hand_kettle")]
-    assert [line[0] for line in headline.rows(measured)] == links
+    assert [line[0] for line in table.rows(measured)] == links
 
 
 def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     again = {"seeds": [7, 8], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
     own = {**row([3.0, 4.0], [1.0, 2.0], [2.0, -0.5, 4.5]), "confirmed": again}
-    first, second = headline.rows({"ant": own})
-    assert headline.ending(own) == "worse" and "worse on 1" in headline.summary({"ant": own})
-    told = headline.summary({"ant": own})
+    first, second = table.rows({"ant": own})
+    assert table.ending(own) == "worse" and "worse on 1" in table.summary({"ant": own})
+    told = table.summary({"ant": own})
     assert "1 tasks trained again" in told and "above the human one's on 0, equal on 0, below on 1. On 0 more" in told
     assert first[0].startswith("[ant](") and "level" in first and "3.5" in first[2]
     assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # divided by the human mean: 1.5, and 4
-    assert headline.gains({"ant": own}) == [("ant", "worse", -0.5, -0.75, -0.25)]
+    assert table.gains({"ant": own}) == [("ant", "worse", -0.5, -0.75, -0.25)]
     unreached = {**row([3.0, 4.0], [0.0, 0.0], [3.5, 1.75, 5.25]), "confirmed": None}
-    assert headline.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "a win over F 0 has a bar too"
+    assert table.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "a win over F 0 has a bar too"
 
 
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -127,7 +128,7 @@ def test_a_training_without_a_score_is_told_and_not_left_out(monkeypatch: pytest
 
 
 def test_every_task_has_eight_replies_and_a_budget():
-    whole = load(headline.PLAN)
+    whole = load(table.PLAN)
     assert sorted(whole.tasks) == sorted(registry.names())
     for cell in whole.cells():
         config = whole.config(cell)
@@ -136,7 +137,7 @@ def test_every_task_has_eight_replies_and_a_budget():
 
 def test_what_is_left_is_what_is_not_measured():
     every = headline.left({}).splitlines()
-    assert len(every) == 1 + len(load(headline.PLAN).tasks)
+    assert len(every) == 1 + len(load(table.PLAN).tasks)
     assert len(headline.left({"ant": {}}).splitlines()) == len(every) - 1
 
 
@@ -152,11 +153,11 @@ def test_the_figure_shows_what_is_decided_beyond_one():
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     level = row([1.0, 2.0], [2.0, 0.5], [0.25, -0.75, 1.25])
     better = row([3.0, 4.0], [0.0, 0.0], [3.0, 1.0, 5.0])
-    shown = headline.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
+    shown = table.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
     assert shown == [("ant", "better", 0.5, 1.5), ("anymal", "level", 0.5, 0.25)]
     ones, apart = row([1.0, 1.0], [1.0, 1.0], [0.0, 0.0, 0.0]), row([1.0, 1.0], [0.0, 0.0], [1.0, 1.0, 1.0])
     # Every seed scores the same: without a spread, only a difference of 0 is shown.
-    assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", "too few seeds", 0.5, 0.0)]
+    assert table.novelty({"ant": ones, "anymal": apart}) == [("ant", "too few seeds", 0.5, 0.0)]
 
 
 def test_eureka_s_rule_looks_at_training_alone():
@@ -179,13 +180,13 @@ def test_eureka_s_rule_looks_at_training_alone():
 
 
 def test_an_archived_run_names_its_replies_as_any_clone_has_them():
-    for path in headline.ARCHIVE.glob("*.sqlite.xz"):
+    for path in table.ARCHIVE.glob("*.sqlite.xz"):
         replies = Path(headline.archive(path.name.removesuffix(".sqlite.xz")).config.model.removeprefix("replay:"))
         assert not replies.is_absolute() and (headline.ROOT / replies).is_file(), path.name
 
 
 def test_what_is_archived_says_nothing_of_where_it_was_measured(tmp_path: Path, monkeypatch):
-    (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / "anymal.sqlite.xz").read_bytes()))
+    (tmp_path / FILENAME).write_bytes(lzma.decompress((table.ARCHIVE / "anymal.sqlite.xz").read_bytes()))
     monkeypatch.setattr(headline, "ROOT", Path("replay:benchmarks"))  # the part to strip from the file's name
     kept = headline.portable(tmp_path / FILENAME)
     assert b"replay:benchmarks/" not in kept and b"headline/anymal.json" in kept
@@ -209,7 +210,7 @@ class Idle:
 @pytest.mark.parametrize("env", sorted(json.loads((ROOT / "benchmarks" / "results" / "headline.json").read_text())))
 def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
     """Fails if the race's rule has changed since a row was measured: such a row has to be measured again."""
-    (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
+    (tmp_path / FILENAME).write_bytes(lzma.decompress((table.ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
     with Store.view(tmp_path) as known:
         config = known.config
     with Store.open(tmp_path, config) as store:
@@ -218,14 +219,14 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
         best = race.crown(store.history(), lanes)
         scores = store.lanes.evaluations()
         ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), scores)
-    row = headline.read(headline.RESULTS)[env]
+    row = headline.read(table.RESULTS)[env]
     assert best is not None and str(best.sample.place) == row["crowned"]
     assert best.sample.candidate is not None
-    assert headline.reward(env).read_text() == best.sample.candidate.source
+    assert table.reward_file(env).read_text() == best.sample.candidate.source
     assert ends.difference is not None
     assert [ends.difference.value, ends.difference.low, ends.difference.high] == pytest.approx(row["difference"])
     ids = {"generated": best.candidate_id, "human": "human", "sparse": "sparse"}
-    raced = [cells for cells in headline.data({env: row}) if cells[2] == "race" and cells[4] in ids]
+    raced = [cells for cells in table.data({env: row}) if cells[2] == "race" and cells[4] in ids]
     for _, _, _, _, reward, _, seed, score in raced:
         played = scores.get(f"{ids[reward]}-s{seed}")
         known = played.fitness if played is not None else None
@@ -235,9 +236,9 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
 def test_every_score_of_the_table_is_a_line_of_its_data():
     again = {"seeds": [4, 5], "generated": [0.25, None], "human": [0.5, 0.125], "noisy": True}
     own = row([3.0, 4.0], [1.0, 2.0, 1.5], None) | {"crowned": "g0s2", "seed": 0, "runners_up": {"g0s1": [2.5]}}
-    table = headline.data({"cartpole": own | {"confirmed": again}})
-    assert all(len(cells) == len(headline.COLUMNS) for cells in table)
-    assert [",".join(cells[2:]) for cells in table] == [
+    lines = table.data({"cartpole": own | {"confirmed": again}})
+    assert all(len(cells) == len(table.COLUMNS) for cells in lines)
+    assert [",".join(cells[2:]) for cells in lines] == [
         "race,no,generated,g0s2,1,3.0",
         "race,no,generated,g0s2,2,4.0",
         "race,no,runner-up,g0s1,1,2.5",

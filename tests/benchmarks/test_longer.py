@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import longer
 import pytest
+import table
 
 from openeureka.benchmark.plan import load
 from openeureka.llm.registry import archived
@@ -13,13 +14,13 @@ from openeureka.stats import mean
 
 
 def test_it_goes_on_where_the_table_ended_below_the_human_reward_with_the_same_eight():
-    whole, table = load(longer.PLAN), load(longer.headline.PLAN)
-    known = longer.read(longer.headline.RESULTS)
+    whole, short = load(longer.PLAN), load(table.PLAN)
+    known = longer.read(table.RESULTS)
     for cell in whole.cells():
-        row = longer.headline.decided(known[cell.task])
+        row = table.decided(known[cell.task])
         assert mean(row["generated"]) < mean(row["human"]), cell.task
-        (first,) = (other for other in table.cells() if other.task == cell.task)
-        config, before = whole.config(cell), table.config(first)
+        (first,) = (other for other in short.cells() if other.task == cell.task)
+        config, before = whole.config(cell), short.config(first)
         replies, eight = (archived(Path(one.model.removeprefix("replay:"))) for one in (config, before))
         assert [reply.text for reply in replies[:8]] == [reply.text for reply in eight], cell.task
         assert len(replies) == 24 == config.sample * config.iteration and config.steps == before.steps

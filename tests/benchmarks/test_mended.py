@@ -3,16 +3,17 @@
 from pathlib import Path
 
 import mended
+import table
 
 from openeureka.benchmark.plan import load
 from openeureka.llm.registry import archived
 
 
 def test_nothing_but_the_replies_differs_from_the_table():
-    whole, table = load(mended.PLAN), load(mended.longer.headline.PLAN)
+    whole, faulty = load(mended.PLAN), load(table.PLAN)
     for cell in whole.cells():
-        (first,) = (other for other in table.cells() if other.task == cell.task)
-        config, before = whole.config(cell), table.config(first)
+        (first,) = (other for other in faulty.cells() if other.task == cell.task)
+        config, before = whole.config(cell), faulty.config(first)
         replies, eight = (archived(Path(one.model.removeprefix("replay:"))) for one in (config, before))
         assert len(replies) == len(eight) == config.sample == 8
         assert not {reply.text for reply in replies} & {reply.text for reply in eight}, cell.task

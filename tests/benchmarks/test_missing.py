@@ -6,7 +6,6 @@ from pathlib import Path
 
 import claims
 import greedy
-import headline
 import longer
 import make_run
 import measurable
@@ -16,12 +15,13 @@ import polish
 import progress
 import prompts
 import pytest
+import table
 import tune
 
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (claims, greedy, headline, longer, measurable, mended, polish, progress, prompts, tune):
+    for script in (claims, greedy, longer, measurable, mended, polish, progress, prompts, table, tune):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 

@@ -1,0 +1,206 @@
+"""What docs/reference/headline.md says: how each row of `headline.py` ends, the table, its figures and its data."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from records import FOLDER, ROOT, Record, interval, results
+
+from openeureka.benchmark.plan import load
+from openeureka.config import short_name
+from openeureka.numbers import number, spread
+from openeureka.score import clipped, plainly_normalised, rank
+from openeureka.stats import difference, mean, two_valued
+
+PLAN = FOLDER / "plans" / "headline.yaml"
+ARCHIVE = FOLDER / "headline"
+REWARDS = ARCHIVE / "rewards"
+RESULTS = results("headline")
+
+TITLES = (
+    *("task", "steps", "generated, F held out", "human", "sparse"),
+    *("generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
+)
+ENDINGS = {
+    "better": "better than the human one",
+    "level": "level with it: no difference shown",
+    "worse": "worse",
+    "too few seeds": "not decided: three seeds are too few to tell",
+    "both at zero": "not decided: both score zero",
+    "one seed": "not decided: one seed",
+}
+COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
+
+
+def reward_file(env: str) -> Path:
+    """The file of a task's winner."""
+    return REWARDS / f"{short_name(env)}.py"
+
+
+def decided(row: Record) -> Record:
+    """The row with the scores that decide it: those of seeds that chose nothing, where there are any."""
+    return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
+
+
+def ending(row: Record) -> str:
+    """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
+    row = decided(row)
+    values = [value for name in ("generated", "human") for value in row[name] if value is not None]
+    if not any(values):
+        return "both at zero"
+    if row["difference"] is None:
+        return "one seed"
+    _, low, high = row["difference"]
+    return "better" if low > 0 else "worse" if high < 0 else "level" if decidable(row) else "too few seeds"
+
+
+def decidable(row: Record) -> bool:
+    """Whether so few seeds can decide. Where F has two values they may not: even all against none can be chance."""
+    own, human, *among = (
+        _defined(own) for own in (row["generated"], row["human"], *row.get("runners_up", {}).values())
+    )
+    if not two_valued([*own, *human]):
+        return True
+    low, high = min(*own, *human), max(*own, *human)
+    if low == high:
+        low, high = 0.0, 1.0
+    split = difference([high] * len(own), [low] * len(human), among, claims=1 + len(among))
+    return split is not None and split.low > 0
+
+
+def _defined(scores: Sequence[float | None]) -> list[float]:
+    return [score for score in scores if score is not None]
+
+
+def ordered(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
+    """Tasks and rows, in the order of the plan."""
+    return ((env, measured[env]) for env in load(PLAN).tasks if env in measured)
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """One row per task, in the order of the plan. Where its reward trained again, the row below has the seeds that
+    chose nothing.
+    """
+    found: list[list[str]] = []
+    for env, row in ordered(measured):
+        name, again = short_name(env), row.get("confirmed")
+        first = (
+            f"[{name}](../../{reward_file(env).relative_to(ROOT)})",
+            f"{row['steps']:,}",
+            *_scores(row, row["sparse"]),
+        )
+        found.append([*first, number(row["correlation_with_human"], 2)])
+        if again is not None:
+            how = " that play with noise" if again.get("noisy") else ""
+            title = f"{name}, {len(again['seeds'])} other seeds{how}"
+            sparse = [] if again.get("noisy") else row["sparse"]  # it played without noise
+            found.append([title, "", *_scores(again, sparse), ""])
+    return found
+
+
+def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
+    between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
+    scores = row["generated"], row["human"], sparse
+    score = plainly_normalised(*map(mean, scores))
+    return *map(spread, scores), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
+
+
+def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
+    """The decisive scores of the rows that have a difference, in the order of the plan."""
+    known = ((short_name(env), decided(row)) for env, row in ordered(measured))
+    return ((name, row) for name, row in known if row["difference"] is not None)
+
+
+def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, float]]:
+    """One row per task whose rewards do not both score zero: how it ended, and the difference and its interval, as
+    shares of the larger F."""
+    found = []
+    for name, row in differences(measured):
+        if largest := max(abs(mean(row[name]) or 0.0) for name in ("generated", "human")):
+            value, low, high = (end / largest for end in row["difference"])
+            found.append((name, ending(row), value, low, high))
+    return found
+
+
+def novelty(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float]]:
+    """One row per task whose rewards do not both score zero: how it ended, correlation with the human reward, and the
+    difference in units of half its interval: beyond 1 it is decided. Differences without a spread are left out."""
+    found = []
+    for name, row in differences(measured):
+        (value, _, high), how = row["difference"], ending(row)
+        if how != "both at zero" and (high > value or not value):
+            found.append((name, how, row["correlation_with_human"], value / (high - value) if value else 0.0))
+    return found
+
+
+def endings(measured: Mapping[str, Record]) -> list[tuple[str, str]]:
+    """How many rows end which way."""
+    ends = Counter(map(ending, measured.values()))
+    missing = len(load(PLAN).tasks) - len(measured)
+    counts = [*((name, ends[how]) for how, name in ENDINGS.items()), ("not measured yet", missing)]
+    return [(name, str(count)) for name, count in counts if count]
+
+
+def summary(measured: Mapping[str, Record]) -> str:
+    """The rows in a few sentences. Means of seeds that chose nothing are counted apart from those that picked the
+    winner."""
+    ends = Counter(map(ending, measured.values()))
+    unknown = f" On {ends['one seed']} it is not known, as one seed trained." if ends["one seed"] else ""
+    decisive = [row for row in measured.values() if ending(row) != "both at zero"]
+    other = [decided(row) for row in decisive if row.get("confirmed")]
+    picked = [row for row in decisive if not row.get("confirmed")]
+    return (
+        f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
+        f"one on {ends['better']} tasks, level on {ends['level']}, worse on {ends['worse']}. Three seeds are too few "
+        f"to tell on {ends['too few seeds']} tasks. Both rewards score zero on {ends['both at zero']}.{unknown}\n"
+        f"{len(other)} tasks trained again with seeds that chose nothing. There the generated reward's mean is "
+        f"{_means(other)}. On {len(picked)} more tasks the same seeds picked the reward and score it. There it is "
+        f"{_means(picked)}."
+    )
+
+
+def _means(decisive: Sequence[Record]) -> str:
+    pairs = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
+    above, equal = sum(own > human for own, human in pairs), sum(own == human for own, human in pairs)
+    return f"above the human one's on {above}, equal on {equal}, below on {len(pairs) - above - equal}"
+
+
+def data(measured: Mapping[str, Record]) -> list[list[str]]:
+    """Every F held out of the table, in `COLUMNS`: one training a row."""
+    return [line for env, row in ordered(measured) for line in _data(short_name(env), row)]
+
+
+def _data(name: str, row: Record) -> Iterator[list[str]]:
+    again = row.get("confirmed") or {"seeds": (), "generated": (), "human": ()}
+    crowned, noise = row["crowned"], "yes" if again.get("noisy") else "no"
+    drawn = range(row["seed"], sys.maxsize)
+    raced = drawn[1:]  # the seed of the search chose among the generated rewards
+    groups = [
+        ("race", "no", "generated", crowned, raced, row["generated"]),
+        *(("race", "no", "runner-up", place, raced, scores) for place, scores in row["runners_up"].items()),
+        *(("race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
+        ("other", noise, "generated", crowned, again["seeds"], again["generated"]),
+        ("other", noise, "human", "", again["seeds"], again["human"]),
+    ]
+    for *kind, seeds, scores in groups:
+        for seed, score in zip(seeds, scores, strict=False):
+            yield [name, str(row["steps"]), *kind, str(seed), "" if score is None else repr(score)]
+
+
+def measured_on(measured: Mapping[str, Record]) -> str:
+    """When the rows were measured, and on what: trainings repeat to the bit only on the same kind of processor."""
+    looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
+    dates = sorted(look["date"] for look in looks)
+    kinds = Counter(map(_processor, looks))
+    each = "".join(f"\n- {kind}: {count}" for kind, count in kinds.most_common())
+    when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
+    return f"{when} Rows by processor, other seeds a row of their own:\n{each}"
+
+
+def _processor(look: Record) -> str:
+    human = look.get("processor", "a processor that nobody wrote down")
+    generated = look.get("generated_on", human)
+    return human if generated == human else f"{generated} for the generated reward, {human} for the human one"
