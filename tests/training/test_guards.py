@@ -68,7 +68,7 @@ def assert_same_to_the_bit(result: TrainingResult, expected: TrainingResult) -> 
 def test_a_reward_that_fails_in_training_stops_its_own_lane_only(env: str, fault: str) -> None:
     good, bad = trained(env, BAD[fault])
     assert (bad.state, bad.env_steps) == (TrainingState.DIVERGED, HORIZON * 16)  # in the first epoch
-    assert bad.message.startswith("stopped in epoch 0 of 3: the reward") and fault.split(":")[0] in bad.message
+    assert bad.message.startswith("stopped in epoch 1 of 3: the reward") and fault.split(":")[0] in bad.message
     assert_same_to_the_bit(good, undisturbed(env))
 
 
@@ -78,7 +78,7 @@ def test_a_policy_that_is_not_finite_stops_its_own_lane_only(env: str) -> None:
         population.ppo.network.flat[1, 0] = float("inf")
 
     good, bad = trained(env, GOOD, poison)
-    assert bad.message == "stopped in epoch 0 of 3: the policy was not finite"
+    assert bad.message == "stopped in epoch 1 of 3: the policy was not finite"
     assert_same_to_the_bit(good, undisturbed(env))
 
 
@@ -96,7 +96,7 @@ def test_a_score_that_is_not_a_number_stops_its_own_lane_only(env: str) -> None:
         population.env.step = step
 
     good, bad = trained(env, GOOD, spoil)
-    assert bad.message == "stopped in epoch 0 of 3: the task's score was not a finite number"
+    assert bad.message == "stopped in epoch 1 of 3: the task's score was not a finite number"
     assert (bad.fitness, bad.curves["fitness"], bad.best_fitness) == (None, (None,), None)
     assert_same_to_the_bit(good, undisturbed(env))
 

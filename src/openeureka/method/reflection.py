@@ -37,7 +37,6 @@ _EARLY_AND_LATE = (
 )
 _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
 """Measured curves that the feedback shows with the components, by their names there."""
-_STAGED = ", the last stage of a curriculum; it began with what the stages before had taught it"
 _AVERAGED = ", averaged over the last {window} epochs"
 _LATE = " (none: too early to tell)"
 _RANKS = "; rewards are ranked by the score when played instead"
@@ -85,12 +84,12 @@ def reflect(
     if result.state is TrainingState.FAILED:
         return "\n".join(_ending(result))
     if style == "grammar":
-        staged = [f"The lists are of its last epochs{_STAGED}."] if result.steps_before else []
+        staged = [f"The lists are of its last epochs{_staged(result)}."] if result.steps_before else []
         told = summary(result.curves, points=4, brief=True)
         return "\n".join([*_ending(result), *staged, *told, *_costs(played, limits)])
     introduction = _INTRODUCTION.format(
         epochs=_epochs(result.curves),
-        staged=_STAGED if result.steps_before else "",
+        staged=_staged(result),
         interval=_interval(result.curves, points=10),
         averaged=_AVERAGED.format(window=window) if window > 1 else "",
         late=_LATE if _late(result.curves) else "",
@@ -161,7 +160,15 @@ def _ending(result: TrainingResult) -> list[str]:
     if result.state is TrainingState.CUT:
         return [f"The training was cut {result.message} rewards; others went on."]
     reason = f" ({result.message})" if result.message else ""
-    return [f"The training was stopped early{reason}: keep every part of the reward finite and of moderate size."]
+    return [f"The training was stopped early{reason}."]
+
+
+def _staged(result: TrainingResult) -> str:
+    """Which part of a curriculum the curves are of; a lane may have been lost before the last stage."""
+    if not result.steps_before:
+        return ""
+    stage = "the last stage" if result.state is TrainingState.FINISHED else "a stage"
+    return f", {stage} of a curriculum; it began with what the stages before had taught it"
 
 
 def _interval(curves: Curves, points: int) -> int:

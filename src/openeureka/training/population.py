@@ -263,7 +263,7 @@ class Population:
     def _stop(self, lane: int, epoch: int, why: str) -> None:
         self.ppo.active[lane] = False
         self.trained[lane] = epoch + 1
-        self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {why}"
+        self.messages[lane] = f"stopped in epoch {epoch + 1} of {self.epochs}: {why}"
 
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
