@@ -57,7 +57,16 @@ def measure(whole: Plan, env: str) -> None:
 
 
 def repeat(whole: Plan, env: str) -> str:
-    """Search on a task again, and say what is the same: all, on the same kind of processor with the same versions."""
+    """Search on a task again, and say what is the same: all, on the same kind of processor with the same versions.
+
+    Raises:
+        SystemExit: where policies play with noise today; those of the table played without.
+    """
+    if fresh.noisy(env):
+        raise SystemExit(
+            f"{env}: this row can't be repeated. Its policies played without noise, and today they play with noise. "
+            f"Train its reward instead: {table.reward_file(env).relative_to(ROOT)}"
+        )
     if any((AGAIN / env).glob("*/report.html")):  # a finished one would be taken as it is
         shutil.rmtree(AGAIN / env)
     _, again = search(whole, env, AGAIN / env)

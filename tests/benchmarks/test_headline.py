@@ -101,6 +101,11 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     assert table.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "a win over F 0 has a bar too"
 
 
+def test_a_row_whose_policies_played_without_noise_cannot_be_repeated():
+    with pytest.raises(SystemExit, match="without noise.* benchmarks/headline/rewards/shadow_hand_switch.py"):
+        headline.repeat(load(table.PLAN), "shadow_hand_switch")
+
+
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(headline, "CONFIRMED", tmp_path)
     held = headline.fresh.trained
