@@ -24,6 +24,13 @@ def test_the_blocks_start_at_rest_each_in_line_with_its_goal() -> None:
     assert float(distance(start["object_pos"], state["object_pos"])) < 1e-3
 
 
+def test_the_score_is_what_the_model_is_told() -> None:
+    for (right_x, left_x), score in {(-0.2, 0.0): 0.0, (0.0, -0.2): 0.5, (-0.2, -0.2): 1.0}.items():
+        simulation = fresh(BLOCKS)
+        assert scored(simulation, state_with(simulation, blocks(right_x, left_x))) == [score]
+    assert simulation.task.score_unit == "1 for both blocks, 0.5 if the left comes first"
+
+
 def test_a_right_block_that_comes_later_does_not_count() -> None:
     simulation = fresh(BLOCKS)
     assert scored(simulation, state_with(simulation, blocks(0.0, -0.2))) == [0.5]

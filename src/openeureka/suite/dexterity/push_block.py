@@ -20,9 +20,12 @@ class ShadowHandPushBlock(Handles):
     env = "shadow_hand_push_block"
     description = "to make each hand push the block in front of it forward to the block's goal position"
     human = REWARDS / "shadow_hand_push_block.py"
-    score_unit = "share of the blocks that reach their goals"
+    score_unit = "1 for both blocks, 0.5 if the left comes first"
     episode_length = 125
-    ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m."
+    ends = (
+        "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m. The left "
+        "block's arrival sets the score: the right block must be at its goal by then, and counts for nothing alone."
+    )
     num_observations = 428
     observed = ("block_right_handle_pos", "block_left_handle_pos", "left_goal_pos", "right_goal_pos")
     handles = ("block_right_handle_pos", "block_left_handle_pos")
