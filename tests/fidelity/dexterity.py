@@ -640,5 +640,6 @@ ORIGINALS: Mapping[str, Original] = {
         {"goal": ((0, 0, 10.5), QUARTER)}, SIDEWAYS, ("kettle_handle_pos", "bucket_handle_pos"), kettle,
         handles={"kettle_handle": (52, (0.15, 0, 0)), "kettle_spout": (52, (-0.2, 0, 0.07)),
                  "bucket_handle": (55, (0, 0, -0.1))},
+        exposed=("object", "bucket"),  # ours: the original shows the bucket in root_state_tensor alone
     ),
 }  # fmt: skip

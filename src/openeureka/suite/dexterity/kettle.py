@@ -48,11 +48,16 @@ class ShadowHandKettle(Handles):
         scene,
         num_observations,
         *thing_variables("object", "kettle"),
+        *thing_variables("bucket", "bucket"),
         *goal_variables("unused, far above the kettle", use="raw"),
         *HAND_VARIABLES,
         *point_variables("kettle_handle", "handle of the kettle"),
         *point_variables("kettle_spout", "end of the kettle's spout"),
-        *point_variables("bucket_handle", "point 5 cm below the bucket"),
+        *point_variables(
+            "bucket_handle",
+            "where the spout should come: 10 cm below the bucket's middle, inside the table at the start (the bucket "
+            "is 10 cm high, its mouth 11 cm wide)",
+        ),
     )
 
     def terminated(self, s: State) -> Tensor:
