@@ -25,7 +25,10 @@ class ShadowHandReOrientation(Pair):
     description = "to make each of the two hands turn the cube on its palm to its target orientation"
     human = REWARDS / "shadow_hand_re_orientation.py"
     score_unit, score_range = "goals reached in an episode", (0.0, None)
-    ends = "An episode ends early when a cube falls to a height of 0.2 m; a goal reached gives way to the next one."
+    ends = (
+        "An episode ends early when a cube falls to a height of 0.2 m. The cubes share one goal orientation, which "
+        "changes for both as soon as either reaches it."
+    )
     episode_length = 600
     num_observations = 422
     num_actions = 40
