@@ -26,7 +26,7 @@ class ShadowHandBottleCap(TwoHands):
     episode_length = 125
     ends = (
         "An episode ends early when the bottle's mouth falls to a height of 0.5 m, the right palm is 0.5 m "
-        "from the mouth, or the left palm 0.2 m from the bottle's middle."
+        "from the mouth, or the left palm 0.2 m from bottle_pos."
     )
     num_observations = 420
     observed = ("bottle_pos", "bottle_cap_pos", "bottle_cap_up")
@@ -60,7 +60,7 @@ class ShadowHandBottleCap(TwoHands):
         *FINGERTIPS,
         *PALMS,
         *RIGHT_FINGERS,
-        StateVar("bottle_pos", f"middle of the bottle: {_POSITION}", (3,), use="point"),
+        StateVar("bottle_pos", f"bottle, 3 cm above its bottom: {_POSITION}", (3,), use="point"),
         StateVar("bottle_cap_pos", f"mouth of the bottle: {_POSITION}", (3,), use="point"),
         StateVar(
             "bottle_cap_up",
