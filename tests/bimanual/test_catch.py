@@ -5,6 +5,7 @@ import math
 import pytest
 import torch
 
+from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import rotate, rotation_distance
 
 from .worlds import fresh, press, state_with
@@ -12,6 +13,19 @@ from .worlds import fresh, press, state_with
 UNDERARM, OVER2UNDERARM, ABREAST, TWO = (
     f"shadow_hand_{name}" for name in ("catch_underarm", "catch_over2underarm", "catch_abreast", "two_catch_underarm")
 )
+
+
+@pytest.mark.parametrize("env", ["shadow_hand_over", UNDERARM, OVER2UNDERARM, ABREAST, TWO])
+def test_a_goal_is_a_place_and_the_model_is_told_that_its_orientation_does_not_matter(env: str) -> None:
+    spec = get(env).spec
+    said = {v.name for v in spec.variables if v.meaning.endswith("orientation is random and does not matter")}
+    names = {"goal_pose", "goal_rot", "rotation_distance"}
+    assert said == names | ({"goal_another_pose", "goal_another_rot", "rotation_distance_another"} & set(spec.names))
+    assert {spec[name].use for name in said} == {"raw"} and spec["goal_pos"].use == "point"
+    simulation = fresh(env)
+    state = simulation.current_state()
+    placed = {name.replace("goal", "object"): state[name] for name in ("goal_pos", "goal_another_pos") if name in state}
+    assert float(state["rotation_distance"]) > 0.1 and simulation.task.success({**state, **placed}).all()
 
 
 def test_hands_that_catch_underarm_may_go_anywhere() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import torch
@@ -9,13 +10,25 @@ from torch import Tensor
 
 from ...tasks.rotations import tumble, wxyz
 from ...tasks.task import State
+from ...types import StateVar
 from .common import TwoHands, distance, towards_goal
 from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_variables
 
 CAUGHT = 0.03  # [m] between egg and goal
 LEASH = 0.1  # [m] that hands may stray in the tasks that keep them in place
 
-EGG_VARIABLES = (
+
+def in_any_turn(*variables: StateVar) -> tuple[StateVar, ...]:
+    """The variables of things whose goals are places alone: each says so where it has a goal's orientation."""
+    told = ("goal_pose", "goal_rot", "goal_another_pose", "goal_another_rot")
+    remark = "; the goal's orientation is random and does not matter"
+    return tuple(
+        replace(v, meaning=v.meaning + remark, use="raw") if v.name in told or "rotation_distance" in v.name else v
+        for v in variables
+    )
+
+
+EGG_VARIABLES = in_any_turn(
     *thing_variables("object", "egg"),
     *goal_variables("where the egg should come to rest"),
     *FINGERTIPS,

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .catch import CAUGHT
+from .catch import CAUGHT, in_any_turn
 from .objects import Egg
 from .pair import Pair, pair_variables
 from .scene import Placed, Pose, Scene
@@ -36,7 +36,9 @@ class ShadowHandTwoCatchUnderarm(Pair):
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
-    spec = two_handed(scene, num_observations, *pair_variables("egg", "where it should come to rest, goal"))
+    spec = two_handed(
+        scene, num_observations, *in_any_turn(*pair_variables("egg", "where it should come to rest, goal"))
+    )
 
     def success(self, s: State) -> Tensor:
         first, second = self.distances(s)
