@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from openeureka.suite.dexterity.common import distance
+from openeureka.tasks.registry import get
 
 from .worlds import fresh, press, scored, state_with
 
@@ -20,6 +21,8 @@ def test_the_blocks_start_at_rest_each_in_line_with_its_goal() -> None:
     for side in ("right", "left"):
         ahead = start[f"{side}_goal_pos"] - start[f"block_{side}_handle_pos"]
         assert ahead[0].tolist() == pytest.approx([-0.2, 0.0, 0.0])
+    assert start["goal_states"][0, 2] > 10
+    assert simulation.task.spec["goal_states"].meaning.startswith("unused, far above the table: ")
     state = press(simulation, {}, steps=10)
     assert float(distance(start["object_pos"], state["object_pos"])) < 1e-3
 
@@ -28,7 +31,7 @@ def test_the_score_is_what_the_model_is_told() -> None:
     for (right_x, left_x), score in {(-0.2, 0.0): 0.0, (0.0, -0.2): 0.5, (-0.2, -0.2): 1.0}.items():
         simulation = fresh(BLOCKS)
         assert scored(simulation, state_with(simulation, blocks(right_x, left_x))) == [score]
-    assert simulation.task.score_unit == "1 for both blocks, 0.5 if the left comes first"
+    assert get(BLOCKS).score_unit == "1 for both blocks, 0.5 if the left comes first"
 
 
 def test_a_right_block_that_comes_later_does_not_count() -> None:

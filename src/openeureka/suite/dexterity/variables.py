@@ -87,7 +87,16 @@ def raw_variables(scene: Scene, things: Collection[str]) -> tuple[StateVar, ...]
             for row, name in enumerate(scene.things, start=2)
             if name in things
         ),
-        *(StateVar(f"{name}_states", f"{_POSE}, then zeros, as the original has {name}", (13,)) for name in goals),
+        *(
+            StateVar(
+                f"{name}_states",
+                f"unused, far above the table: {_POSE}, then zeros"
+                if scene.marker and name == "goal"
+                else f"{_POSE}, then zeros, as the original has {name}",
+                (13,),
+            )
+            for name in goals
+        ),
     )
 
 
