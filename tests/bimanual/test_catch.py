@@ -5,6 +5,7 @@ import math
 import pytest
 import torch
 
+from openeureka.suite.dexterity.common import TwoHands
 from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import rotate, rotation_distance
 
@@ -23,6 +24,7 @@ def test_a_goal_is_a_place_and_the_model_is_told_that_its_orientation_does_not_m
     assert said == names | ({"goal_another_pose", "goal_another_rot", "rotation_distance_another"} & set(spec.names))
     assert {spec[name].use for name in said} == {"raw"} and spec["goal_pos"].use == "point"
     simulation = fresh(env)
+    assert isinstance(simulation.task, TwoHands)
     state = simulation.current_state()
     placed = {name.replace("goal", "object"): state[name] for name in ("goal_pos", "goal_another_pos") if name in state}
     assert float(state["rotation_distance"]) > 0.1 and simulation.task.success({**state, **placed}).all()

@@ -295,4 +295,7 @@ def test_fingertips_move_as_their_positions_change():
     assert not first["rigid_body_states"][:, 0, 7:].any()
     torch.testing.assert_close(first["rigid_body_states"][:, first["fingertip_handles"]], first["fingertip_state"])
     torch.testing.assert_close(first["rigid_body_states"][:, 26, :7], first["object_pose"])
-    torch.testing.assert_close(first["rigid_body_states"][:, 27, 3:7], first["goal_rot"])
+    picture = first["rigid_body_states"][:, 27]
+    torch.testing.assert_close(picture[:, 3:7], first["goal_rot"])
+    assert float((picture[:, :3] - first["goal_pos"]).norm(dim=-1).min()) > 0.2
+    assert "a picture of the goal, beside goal_pos" in task.spec["rigid_body_states"].meaning

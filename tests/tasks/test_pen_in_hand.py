@@ -1,6 +1,7 @@
 """ShadowHandSpin and ShadowHandUpsideDown: the pen, its start, its goals, its score."""
 
 import math
+import re
 
 import mujoco
 import pytest
@@ -56,6 +57,19 @@ def test_fingers_point_along_minus_y_from_a_palm_that_faces_up_or_down(task: typ
     palm = data.body("hand_palm").xmat.reshape(3, 3)
     assert -palm[:, 1] == pytest.approx([0, 0, up], abs=1e-3)
     assert palm[:, 2] == pytest.approx([0, -1, 0], abs=1e-3)
+
+
+@PENS
+def test_the_model_is_told_how_far_below_the_palm_the_pen_should_stay(task: type[PenInHand]):
+    model = task.compile_model()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    palm = model.body("hand_palm").id
+    box = next(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == palm and model.geom_contype[geom])
+    up = 1.0 if task is ShadowHandSpin else -1.0
+    surface = data.geom_xpos[box, 2] + up * model.geom_size[box, 1]  # the box is thinnest along its second axis
+    (told,) = re.findall(r"(\d+) cm below .* palm", task.spec["goal_pos"].meaning)
+    assert surface - task.goal_position[2] == pytest.approx(float(told) / 100, abs=0.005)
 
 
 @PENS

@@ -12,10 +12,9 @@ from torch import Tensor
 
 from ...tasks.rotations import multiply, turn_about
 from ...tasks.sensors import add_wrench_sensors
-from ...types import StateSpec
 from ..assets import REWARDS
 from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker
-from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand, shadow_hand_variables
+from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand
 from ..shadow import add_shadow_hand
 
 RADIUS, HALF_LENGTH = 0.008, 0.1  # [m] of the pen: a capsule along its z axis, 0.216 m long
@@ -45,8 +44,6 @@ class PenInHand(ShadowHand):
 
     tolerance = 0.0
     """[rad] 0 stands for that of the published goals."""
-
-    spec = StateSpec(shadow_hand_variables("pen"))
 
     def __init__(self, *args) -> None:
         super().__init__(*args)

@@ -8,6 +8,8 @@ from typing import ClassVar
 import mujoco
 
 from ...tasks.task import Stage
+from ...types import StateSpec
+from ..isaac.shadow_hand import shadow_hand_variables
 from .pen_in_hand import PenInHand, pen_scene
 
 
@@ -18,6 +20,7 @@ class ShadowHandSpin(PenInHand):
     distance_weight = 0.1  # its sign is the published one
     object_start = (0.0, -0.39, 0.59)  # the original starts 7 cm lower, with the pen up to 2 cm inside palm and fingers
     goal_position = (0.0, -0.39, 0.48)
+    spec = StateSpec(shadow_hand_variables("pen", "2 cm below the surface of the palm, which faces up"))
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {
         "pen_spinning": (Stage(set={"random_goals": True}), Stage())
     }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import mujoco
 
+from ...types import StateSpec
+from ..isaac.shadow_hand import shadow_hand_variables
 from .pen_in_hand import PenInHand, pen_scene
 
 
@@ -14,6 +16,7 @@ class ShadowHandUpsideDown(PenInHand):
     distance_weight = -10.0
     object_start = (0.0, -0.39, 0.41)  # the original starts 7 cm higher, with the pen up to 2 cm inside the fingers
     goal_position = (0.0, -0.39, 0.44)
+    spec = StateSpec(shadow_hand_variables("pen", "6 cm below the palm, which faces down"))
 
     @staticmethod
     def model() -> mujoco.MjSpec:

@@ -227,7 +227,7 @@ def add_marker(spec: mujoco.MjSpec, goal: Vector) -> mujoco.MjsBody:
 
 
 def hand_variables(
-    *, joints: str, dofs: int, actions: int, observations: int, held: str = "cube"
+    *, joints: str, dofs: int, actions: int, observations: int, held: str = "cube", place: str = "in the palm"
 ) -> tuple[StateVar, ...]:
     """The state variables of a Reorientation; words and sizes for what differs between hands and what they hold."""
     pose = "position [m], quaternion x y z w"
@@ -241,7 +241,7 @@ def hand_variables(
         StateVar("object_linvel", f"linear velocity of the {held} [m/s], world frame", (3,), use="zero_centred"),
         StateVar("object_angvel", f"angular velocity of the {held} [rad/s], world frame", (3,), use="zero_centred"),
         StateVar("goal_pose", f"goal of the {held}: {pose}, world frame", (7,)),
-        StateVar("goal_pos", f"where the {held} should stay, in the palm [m], world frame", (3,), use="point"),
+        StateVar("goal_pos", f"where the {held} should stay, {place} [m], world frame", (3,), use="point"),
         StateVar("goal_rot", f"orientation the {held} should turn to, quaternion x y z w", (4,)),
         StateVar("goal_states", "goal pose, then zeros for its velocities", (13,)),
         StateVar("shadow_hand_dof_pos", f"joint angles [rad]: {joints}", (dofs,)),

@@ -17,11 +17,11 @@ from .reorientation import Reorientation, add_cube, hand_variables, reorientatio
 
 PREFIX = "hand_"
 TIPS = tuple(PREFIX + name for name in FINGERTIPS)
-BODIES = 28  # 26 of the hand, the object, the goal
+BODIES = 28  # 26 of the hand, the object, the picture of the goal
 
 
-def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
-    """The state variables of a Shadow Hand that holds a thing."""
+def shadow_hand_variables(held: str, place: str = "in the palm") -> tuple[StateVar, ...]:
+    """The state variables of a Shadow Hand that holds a thing; `place` is where the thing should stay."""
     return (
         *hand_variables(
             joints="wrist 1 0; first, middle and ring finger 3 2 1 0; little finger 4 3 2 1 0; thumb 4 3 2 1 0",
@@ -29,6 +29,7 @@ def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
             actions=20,
             observations=211,
             held=held,
+            place=place,
         ),
         StateVar(
             "fingertip_state",
@@ -40,7 +41,8 @@ def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
         StateVar("vec_sensor_tensor", "contact force [N] and torque [N m] on each last link, in its frame", (30,)),
         StateVar(
             "rigid_body_states",
-            f"every body, in the layout of fingertip_state: 26 of the hand, the {held}, the goal",
+            f"every body, in the layout of fingertip_state: 26 of the hand, the {held}, a picture of the goal, "
+            "beside goal_pos",
             (BODIES, 13),
         ),
         StateVar(
