@@ -26,6 +26,7 @@ from openeureka.config import RunConfig
 from openeureka.method.seeds import unused_seed
 from openeureka.numbers import number, spread
 from openeureka.parsing import parse
+from openeureka.report.tables import on_scale
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.score import SeedScores
@@ -109,7 +110,7 @@ def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
         "runners_up": {str(place): _held_out(own) for place, own in found.rivals.items()},
         "human": _held_out(found.human),
         "sparse": _held_out(found.sparse),
-        "score": found.normalised,
+        "score": on_scale(found),
         "verdict": verdict(run),
     }
 

@@ -4,8 +4,9 @@
     python benchmarks/missing.py --left    # what it would run, in its order
 
 Each is a script of this folder that keeps what it finds in `benchmarks/results/` and repeats nothing, so this can be
-stopped and begun again at any time. `make docs` then brings what is new into the pages, except from `progress.py`,
-which prints its own table. What needs a language model at an endpoint (`robust.py`, `generations.py`) is not included.
+stopped and begun again at any time. `make docs` then brings what is new into the pages, except from `progress.py` and
+`polish.py`, which print their own tables. What needs a language model at an endpoint (`robust.py`, `generations.py`) is
+not included.
 """
 
 from __future__ import annotations
