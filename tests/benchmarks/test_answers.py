@@ -91,8 +91,10 @@ def test_a_curriculum_helps_where_its_policy_spins_the_pen_more_often():
         name: {"cycles": cycles, "lanes": {"s0": {"curves": {"fitness": [None, best, 0.1]}}}}
         for name, cycles, best in (("pre_trained", 0.1, 9.0), ("fine_tuned", 0.2, 3.0), ("scratch", 0.3, 4.0))
     }
-    found = {"env_steps": 1000, "arms": arms}
-    assert pen_spinning.summary(found).startswith("No, with 1,000 steps: after both stages the pen spins 0.2 times")
+    found = {"env_steps": 1000, "seeds": 1, "arms": arms}
+    assert pen_spinning.summary(found).startswith(
+        "No, with 1,000 steps and one seed, which is no proof: after both stages the pen spins 0.2 times"
+    )
     assert [row[2] for row in pen_spinning.rows(found)] == ["-", "3", "4"]
     arms["fine_tuned"]["cycles"] = 0.4
-    assert pen_spinning.summary(found).startswith("Yes, with 1,000 steps")
+    assert pen_spinning.summary(found | {"seeds": 3}).startswith("Yes, with 1,000 steps and 3 seeds: after")
