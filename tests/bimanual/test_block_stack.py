@@ -1,5 +1,7 @@
 import pytest
 
+from openeureka.llm import grammar
+from openeureka.llm.gbnf import parse
 from openeureka.suite.dexterity.common import distance
 
 from .worlds import fresh, let_go, state_with
@@ -21,6 +23,16 @@ def test_the_goal_is_told_from_where_the_lower_block_belongs() -> None:
     cubes = [simulation.task.scene.things[name].thing for name in ("object", "block")]
     assert [cube.edge for cube in cubes] == [0.05, 0.05]
     assert all("a cube of 5 cm" in simulation.task.spec[name].meaning for name in simulation.task.handles)
+
+
+def test_the_small_model_can_pay_for_blocks_that_come_to_their_places() -> None:
+    simulation = fresh(STACK)
+    gaps = [sequence[0].value for sequence in parse(grammar.grammar(simulation.task.spec))["gap"]]
+    assert {"object_pos - right_goal_pos", "left_goal_pos - block_pos"} < set(gaps)
+    assert "goal_pos" not in {name for gap in gaps for name in gap.split(" - ")}  # beside the stack
+    stacked = state_with(simulation, blocks((0.0, 0.625), (0.0, 0.675)))
+    assert float(distance(stacked["object_pos"], stacked["right_goal_pos"])) < 1e-6
+    assert float(distance(stacked["block_pos"], stacked["left_goal_pos"])) < 1e-6
 
 
 def test_a_stack_stands() -> None:

@@ -3,9 +3,12 @@ import numpy as np
 import pytest
 import torch
 
+from openeureka.llm import grammar
+from openeureka.llm.random import RandomModel
 from openeureka.suite.dexterity.common import distance, finger_distances
 from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import rotation_distance
+from openeureka.types import Prompt
 
 from .worlds import fresh, judged, press, scored, state_with
 
@@ -79,6 +82,38 @@ def test_success_stands_until_the_episode_ends_and_pays_on_its_last_step() -> No
     assert task.sparse_reward(last).tolist() == [1.0, 1.0]
     assert scored(simulation, closed) == [1.0, 0.0]
     assert task.sparse_reward(judged(simulation, closed)).tolist() == [1.0, 0.0]
+
+
+HINGES = ("door_right_hinge", "door_left_hinge")
+
+
+@pytest.mark.parametrize(
+    ("env", "joints", "angles", "gaps"),
+    [
+        ("shadow_hand_door_open_inward", HINGES, (0.0, 0.8, 1.57), (0.07, 0.36, 0.93)),
+        (DOOR, HINGES, (0.0, 0.8, 1.57), (0.07, 0.25, 0.77)),
+        ("shadow_hand_pen", ("pen_cap_slide",), (0.0, 0.2, 0.4), (0.17, 0.37, 0.57)),
+        ("shadow_hand_scissors", ("scissors_hinge",), (-0.59, -0.3, 0.4), (0.07, 0.13, 0.28)),
+    ],
+)
+def test_the_small_model_can_pay_for_handles_that_come_apart(env, joints, angles, gaps) -> None:
+    simulation = fresh(env)
+    states = [state_with(simulation, {joint: [angle] for joint in joints}) for angle in angles]
+    assert [float(state["handles_apart"]) for state in states] == pytest.approx(gaps, abs=0.005)
+    spec = simulation.task.spec
+    prompt = Prompt(messages=(), grammar=grammar.grammar(spec), prefill=grammar.prefill(spec))
+    replies = RandomModel().sample(prompt, n=40, seed=0)
+    assert any("x = handles_apart\n    reward = reward + " in reply.text for reply in replies)
+
+
+@pytest.mark.parametrize("env", [DOOR, "shadow_hand_switch"])
+def test_things_that_never_move_are_not_offered_to_the_small_model(env: str) -> None:
+    simulation = fresh(env)
+    offered = {variable.name for variable in grammar.offered(simulation.task.spec)}
+    assert not offered & {"object_pos", "object_linvel", "object_angvel"}
+    place = simulation.current_state()["object_pos"][0].tolist()
+    said = simulation.task.spec["object_pos"].meaning
+    assert f"fixed at ({', '.join(f'{x:.2g}' for x in place)})" in said
 
 
 def test_f_changes_nothing_and_may_be_asked_again() -> None:

@@ -132,6 +132,8 @@ class Original:
     """Goals whose whole pose is a state variable, too."""
     exposed: tuple[str, ...] = ("object",)
     padding: int = 0
+    ours: Callable[[Mapping[str, Array]], dict[str, Array]] = lambda s: {}
+    """Variables that the original does not have, from those that it has."""
 
 
 def state(task: Original, w: Worlds, actions: Array, goals: Mapping[str, Array]) -> dict[str, Array]:
@@ -201,7 +203,7 @@ def state(task: Original, w: Worlds, actions: Array, goals: Mapping[str, Array])
             s[name] = pos
         else:
             s |= {f"{name}_pos": pos, f"{name}_rot": body[:, 3:7]}
-    return s
+    return s | task.ours(s)
 
 
 def observation(task: Original, s: Mapping[str, Array]) -> Array:
@@ -535,11 +537,17 @@ def doors(judge, *, inward: bool, angle: float = 0.0, x: float = 0.55, y: float 
         ("door_left_handle_pos", "door_right_handle_pos"), judge,
         handles={"door_right_handle": (54, (0.39, -0.5, 0.04 * side)),
                  "door_left_handle": (55, (-0.39, -0.5, 0.04 * side))},
+        ours=lambda s: {"handles_apart": np.abs(s["door_right_handle_pos"][:, 1] - s["door_left_handle_pos"][:, 1])},
     )  # fmt: skip
 
 
 def handled(name: str) -> tuple[str, ...]:
     return f"{name}_right_handle_pos", f"{name}_left_handle_pos"
+
+
+def parted(name: str) -> Callable[[Mapping[str, Array]], dict[str, Array]]:
+    right, left = handled(name)
+    return lambda s: {"handles_apart": norm(s[right] - s[left])}
 
 
 # Ours: the start heights of things that the original puts inside a table or a palm.
@@ -616,12 +624,15 @@ ORIGINALS: Mapping[str, Original] = {
         {"object": ((0, 0.1, 0.625), CUBE), "block": ((0, -0.1, 0.625), CUBE)}, {"goal": ((0, 0.1, 0.625), CUBE_ROT)},
         (((0, 0.6, 0.7), (pi, 0, pi)), ((0, -0.6, 0.7), (pi, 0, 0))), ("thing block",), stack, handles=BLOCKS,
         exposed=("object", "block"), padding=4,
+        ours=lambda s: {"right_goal_pos": moved(s["goal_pos"], 0, -0.1, 0),
+                        "left_goal_pos": moved(s["goal_pos"], 0, -0.1, 0.05)},
     ),
     "shadow_hand_scissors": Original(
         150, 417, {"object": "scissors"}, {"object": ((0, 0, 0.608), (0, 0, pi / 2))},
         {"goal": ((0, 0, 10.6), QUARTER)},
         DOWN, handled("scissors"), scissors,
         handles={"scissors_right_handle": (54, (0.2, 0, -0.1)), "scissors_left_handle": (53, (0.15, 0, 0.1))},
+        ours=parted("scissors"),
     ),
     "shadow_hand_switch": Original(
         125, 417, {"object": "right_switch", "switch_left": "left_switch"},
@@ -633,6 +644,7 @@ ORIGINALS: Mapping[str, Original] = {
         125, 417, {"object": "pen"}, {"object": ((0, 0, 0.612), CUBE)}, {"goal": ((0, 0, 10.6), CUBE_ROT)}, DOWN,
         handled("pen"), pen,
         handles={"pen_right_handle": (54, (0, -0.1, 0)), "pen_left_handle": (53, (0, 0.07, 0))},
+        ours=parted("pen"),
     ),
     "shadow_hand_kettle": Original(
         125, 417, {"object": "kettle", "bucket": "bucket"},

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from ...tasks.task import State, View
+from ...types import StateVar
 from ..assets import REWARDS
 from .common import distance
 from .handles import HAND_VARIABLES, Handles
 from .objects import CUBE_START, Cube
-from .scene import Placed, Pose, Scene, Table
+from .scene import SIDES, Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
 
 TOP = 0.675  # [m] height of the upper cube's middle
@@ -58,7 +60,13 @@ class ShadowHandBlockStack(Handles):
         scene,
         num_observations,
         *thing_variables("object", "right block"),
-        *goal_variables("+0.1 m in y from where the lower, right block belongs"),
+        *goal_variables("+0.1 m in y from where the lower, right block belongs", use="raw"),
+        *(
+            StateVar(
+                f"{side}_goal_pos", f"where the {side} block belongs: position [m], world frame", (3,), use="point"
+            )
+            for side in SIDES
+        ),
         *HAND_VARIABLES,
         *thing_variables("block", "left block"),
         *point_variables("block_right_handle", "middle of the right block, a cube of 5 cm"),
@@ -69,6 +77,11 @@ class ShadowHandBlockStack(Handles):
         super().__init__(*args)
         self.offsets = torch.tensor([[0.0, -0.1, 0.0], [0.0, -0.1, 0.05]], device=self.device)
 
+    def compute_state(self) -> dict[str, Any]:
+        s = super().compute_state()
+        right, left = self._places(s["goal_pos"])
+        return {**s, "right_goal_pos": right, "left_goal_pos": left}
+
     def observe(self, s: State) -> Tensor:
         block = s["block_pose"], s["block_linvel"], s["block_angvel"] * 0.2
         seen = torch.cat((super().observe(s), *block), dim=-1)
@@ -76,15 +89,19 @@ class ShadowHandBlockStack(Handles):
 
     def ghosts(self) -> Mapping[str, Tensor]:
         pose = self.goal_poses[:, 0]
-        lower, upper = (torch.cat((pose[:, :3] + offset, pose[:, 3:]), dim=-1) for offset in self.offsets)
+        lower, upper = (torch.cat((place, pose[:, 3:]), dim=-1) for place in self._places(pose[:, :3]))
         return {"object": lower, "block": upper}
 
     def success(self, s: State) -> Tensor:
         return self._in_place(s) & (self._height_error(s) < LEVEL)
 
+    def _places(self, goal: Tensor) -> Iterator[Tensor]:
+        """Of the right and of the left cube (N, 3) [m]."""
+        return (goal + offset for offset in self.offsets)
+
     def _errors(self, s: State) -> tuple[Tensor, Tensor]:
         """Distances (N,) of the right and of the left cube from the lower and the upper place [m]."""
-        lower, upper = (s["goal_pos"] + offset for offset in self.offsets)
+        lower, upper = self._places(s["goal_pos"])
         return distance(s["block_right_handle_pos"], lower), distance(s["block_left_handle_pos"], upper)
 
     def _in_place(self, s: State) -> Tensor:

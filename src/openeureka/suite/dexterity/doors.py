@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ...tasks.task import State, View
 from ..assets import REWARDS
-from .handles import HAND_VARIABLES, Handles
+from .handles import HAND_VARIABLES, PartedHandles, handles_apart
 from .objects import DoubleDoor
 from .scene import Placed, Pose, Scene
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -18,11 +18,12 @@ GAP = 0.5  # [m] between the handles, above which the doors count as open
 SIDEWAYS = 1.57  # [rad], as the original has it
 
 DOOR_VARIABLES = (
-    *thing_variables("object", "frame of the doors, which is fixed"),
+    *thing_variables("object", "frame of the doors, which is fixed at (0, 0, 0.7)", fixed=True),
     *goal_variables("unused, far above the doors", use="raw"),
     *HAND_VARIABLES,
     *point_variables("door_right_handle", "handle of the right door"),
     *point_variables("door_left_handle", "handle of the left door"),
+    handles_apart("distance between the handles along y [m], 0.07 when both doors are closed"),
 )
 
 
@@ -50,7 +51,7 @@ def door_scene(
     )
 
 
-class Doors(Handles):
+class Doors(PartedHandles):
     """Each hand opens or closes one leaf of a double door."""
 
     episode_length = 250

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
 from ...tasks.task import State, View
-from .common import TwoHands, finger_distances
+from ...types import StateVar
+from .common import TwoHands, distance, finger_distances
 from .scene import Pose
 from .variables import FINGERTIPS, LEFT_FINGERS, PALMS, RIGHT_FINGERS
 
@@ -38,3 +39,21 @@ class Handles(TwoHands):
         """Summed distances (N,) of the fingers from the handle, of the right and of the left hand [m]."""
         right, left = self.handles
         return finger_distances(s, "right", s[right]), finger_distances(s, "left", s[left])
+
+
+class PartedHandles(Handles):
+    """Handles that the hands move apart or together; `handles_apart` says how far."""
+
+    def compute_state(self) -> dict[str, Any]:
+        s = super().compute_state()
+        return {**s, "handles_apart": self.handle_gap(s)}
+
+    def handle_gap(self, s: State) -> Tensor:
+        """(N,) [m] between the handles."""
+        right, left = self.handles
+        return distance(s[right], s[left])
+
+
+def handles_apart(meaning: str) -> StateVar:
+    """The variable that `PartedHandles` adds."""
+    return StateVar("handles_apart", meaning, use="directional")

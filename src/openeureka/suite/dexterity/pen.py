@@ -8,8 +8,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import distance
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, PartedHandles, handles_apart
 from .objects import CappedPen
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -18,7 +17,7 @@ OFF = 0.3  # [m] between the points to grasp on cap and pen; 0.17 when closed
 LYING = (math.pi / 2, math.pi / 2, 0)  # [rad] along y, cap towards +y
 
 
-class ShadowHandPen(Handles):
+class ShadowHandPen(PartedHandles):
     env = "shadow_hand_pen"
     description = "to make the right hand pull the cap off the pen that the left hand holds"
     human = REWARDS / "shadow_hand_pen.py"
@@ -50,7 +49,8 @@ class ShadowHandPen(Handles):
         *HAND_VARIABLES,
         *point_variables("pen_right_handle", "point to grasp on the cap"),
         *point_variables("pen_left_handle", "point to grasp on the pen"),
+        handles_apart("distance between the points to grasp on cap and pen [m], 0.17 while the cap is on"),
     )
 
     def success(self, s: State) -> Tensor:
-        return distance(s["pen_right_handle_pos"], s["pen_left_handle_pos"]) > OFF
+        return self.handle_gap(s) > OFF

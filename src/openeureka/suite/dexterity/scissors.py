@@ -10,7 +10,7 @@ from torch import Tensor
 from ...tasks.rotations import conjugate, multiply
 from ...tasks.task import State
 from ..assets import REWARDS
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, PartedHandles, handles_apart
 from .objects import Scissors
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -20,7 +20,7 @@ CRUSHED = -0.69  # [rad] beyond the joint limit, which is soft
 NEAR = 0.7  # [m] summed over the fingers of a hand
 
 
-class ShadowHandScissors(Handles):
+class ShadowHandScissors(PartedHandles):
     env = "shadow_hand_scissors"
     description = "to make the two hands open the scissors by pulling their handles apart"
     human = REWARDS / "shadow_hand_scissors.py"
@@ -51,6 +51,7 @@ class ShadowHandScissors(Handles):
         *HAND_VARIABLES,
         *point_variables("scissors_right_handle", "handle of the right half"),
         *point_variables("scissors_left_handle", "handle of the left half"),
+        handles_apart("distance between the handles [m], 0.07 when closed and 0.28 when wide open"),
     )
 
     def terminated(self, s: State) -> Tensor:

@@ -46,7 +46,7 @@ class ShadowHandSwitch(Handles):
     spec = two_handed(
         scene,
         num_observations,
-        *thing_variables("object", "housing of the right switch, which is fixed"),
+        *thing_variables("object", "housing of the right switch, which is fixed at (0, 0.2, 0.65)", fixed=True),
         *goal_variables("unused, far above the switches", use="raw"),
         *HAND_VARIABLES,
         *point_variables("switch_right_handle", "end of the right switch to press"),

@@ -21,13 +21,14 @@ def point_variables(name: str, meaning: str, *, use: StateUse = "point") -> tupl
     )
 
 
-def thing_variables(name: str, meaning: str) -> tuple[StateVar, ...]:
-    """Pose and velocities of a thing."""
+def thing_variables(name: str, meaning: str, *, fixed: bool = False) -> tuple[StateVar, ...]:
+    """Pose and velocities of a thing. Those of a fixed one never change, so the typed grammar has no use for them."""
+    motion: StateUse = "raw" if fixed else "zero_centred"
     return (
         StateVar(f"{name}_pose", f"{meaning}: {_POSE}, world frame", (7,)),
-        *point_variables(name, meaning),
-        StateVar(f"{name}_linvel", f"{meaning}: linear velocity [m/s], world frame", (3,), use="zero_centred"),
-        StateVar(f"{name}_angvel", f"{meaning}: angular velocity [rad/s], world frame", (3,), use="zero_centred"),
+        *point_variables(name, meaning, use="raw" if fixed else "point"),
+        StateVar(f"{name}_linvel", f"{meaning}: linear velocity [m/s], world frame", (3,), use=motion),
+        StateVar(f"{name}_angvel", f"{meaning}: angular velocity [rad/s], world frame", (3,), use=motion),
     )
 
 
