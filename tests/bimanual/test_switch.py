@@ -18,7 +18,9 @@ def test_the_rockers_stay_raised_and_rise_again_when_they_are_let_go() -> None:
     simulation = fresh(SWITCH)
     raised = simulation.current_state()["switch_right_handle_pos"][0, 2]
     low = state_with(simulation, rockers(0.0, 0.0))["switch_right_handle_pos"][0, 2]
-    assert float(raised - low) == pytest.approx(0.02 * math.sin(0.5585), abs=1e-4)
+    assert float(raised - low) == pytest.approx(0.02 * math.sin(0.5585), abs=1e-4)  # 0.0106 m
+    for side in ("right", "left"):
+        assert "sinks by about 1 cm" in simulation.task.spec[f"switch_{side}_handle_pos"].meaning
     state = press(simulation, {}, steps=60)
     assert float(state["switch_right_handle_pos"][0, 2]) == pytest.approx(float(raised), abs=1e-3)
 

@@ -248,7 +248,7 @@ def test_of_many_points_each_is_told_once_and_a_hand_for_its_fingers():
     facts = informed(context(env), record_states(env), RunConfig(env=env)).facts
     lines = [line for line in facts if line.startswith("  ")]
     assert len(lines) <= 12 and not any("_hand_ff_" in line for line in lines)
-    assert any(line.startswith("  `object_pos` (0, 0.2, 0.62) m, 0.2 m from `right_goal_pos`, ") for line in lines)
+    assert any(line.startswith("  `object_pos` (0, 0.2, 0.625) m, 0.2 m from `right_goal_pos`, ") for line in lines)
     assert not any(line.startswith("  `block_right_handle_pos`") for line in lines)  # it is at the object's centre
 
 

@@ -153,7 +153,7 @@ def _points(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
         near = [pair for pair in own[:_NEAREST] if pair not in said]
         said.update(near)
         others = [f", {_range(gaps[pair])} m from `{next(iter(pair - {name}))}`" for pair in near]
-        where = ", ".join(_range(column) for column in place.unbind(dim=-1))
+        where = ", ".join(_range(column, decimals=3) for column in place.unbind(dim=-1))
         lines.append(f"  `{name}` ({where}) m{''.join(others)}")
     return lines
 
@@ -177,13 +177,13 @@ def _distinct(points: Mapping[str, Tensor]) -> list[str]:
     return [name for name in kept if name not in hidden][:_MAX_POINTS]
 
 
-def _range(values: Tensor) -> str:
-    low, high = _number(float(values.min())), _number(float(values.max()))
+def _range(values: Tensor, decimals: int = 2) -> str:
+    low, high = _number(float(values.min()), decimals), _number(float(values.max()), decimals)
     return low if low == high else f"{low} to {high}"
 
 
-def _number(value: float) -> str:
-    """With two decimals; below 0.1 with two significant digits, and below 0.001 as 0."""
+def _number(value: float, decimals: int) -> str:
+    """With these decimals; below 0.1 with two significant digits, and below 0.001 as 0."""
     if abs(value) < 1e-3:
         return "0"
-    return f"{value:.2g}" if abs(value) < 0.1 else f"{value:.2f}".rstrip("0").rstrip(".")
+    return f"{value:.2g}" if abs(value) < 0.1 else f"{value:.{decimals}f}".rstrip("0").rstrip(".")

@@ -49,8 +49,8 @@ class ShadowHandSwitch(Handles):
         *thing_variables("object", "housing of the right switch, which is fixed at (0, 0.2, 0.65)", fixed=True),
         *goal_variables("unused, far above the switches", use="raw"),
         *HAND_VARIABLES,
-        *point_variables("switch_right_handle", "end of the right switch to press"),
-        *point_variables("switch_left_handle", "end of the left switch to press"),
+        *point_variables("switch_right_handle", "end of the right switch to press, which sinks by about 1 cm"),
+        *point_variables("switch_left_handle", "end of the left switch to press, which sinks by about 1 cm"),
     )
 
     def success(self, s: State) -> Tensor:
