@@ -120,6 +120,7 @@ def test_potentials_grow_by_the_speed_and_start_level():
     speed = (step.state["root_states"][:, 0] - before) / DT
     # Distances of 1000 m / dt have a float32 resolution of 0.004 m/s.
     torch.testing.assert_close(step.score.value, speed, atol=0.008, rtol=0)
+    assert env.task.score_unit == "m/s towards the target"  # which is far away along x
     assert step.score.weight.tolist() == [1.0] * 4
 
 

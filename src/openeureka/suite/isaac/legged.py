@@ -20,12 +20,12 @@ TARGET = (1000.0, 0.0, 0.0)  # [m]
 
 
 class Runner(Task):
-    """A robot on a floating base whose fitness is its forward speed.
+    """A robot on a floating base whose fitness is its speed towards the target.
 
     The first body is the torso with a free joint; every other joint is a limited hinge with one motor, in DOF order.
     """
 
-    score_unit = "m/s"
+    score_unit = "m/s towards the target"
     time_out_early = 1
     counts_early = True
     memory = ("prev_potentials",)
