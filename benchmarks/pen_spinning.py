@@ -110,8 +110,8 @@ def summary(found: Record) -> str:
     tuned, scratch = (found["arms"][key]["cycles"] for key in ("fine_tuned", "scratch"))
     seeds = "one seed, which is no proof" if found["seeds"] == 1 else f"{found['seeds']} seeds"
     return (
-        f"{'Yes' if tuned > scratch else 'No'}, with {found['env_steps']:,} steps and {seeds}: after both stages the pen "
-        f"spins {number(tuned, 2)} times an episode, after a training from scratch {number(scratch, 2)} times."
+        f"{'Yes' if tuned > scratch else 'No'}, with {found['env_steps']:,} steps and {seeds}: after both stages the "
+        f"pen spins {number(tuned, 2)} times an episode, after a training from scratch {number(scratch, 2)} times."
     )
 
 
