@@ -1,10 +1,10 @@
-"""Three prompts told the model something wrong: what does it write when they are right? See docs/reference/headline.md.
+"""Ten prompts were wrong or left something out: what does a model write with better ones? docs/reference/headline.md.
 
-    python benchmarks/mended.py              # what is missing of benchmarks/plans/mended.yaml; about three hours
+    python benchmarks/mended.py              # what is missing of benchmarks/plans/mended.yaml; a day or two
     python benchmarks/mended.py --env ant    # one task
 
 There are eight new replies in one generation, as in the table. The reward that wins and the human one then train with
-nine seeds that chose neither. All three tasks are asked again, however their row of the table ended. Runs are under
+nine seeds that chose neither. All ten tasks are asked again, however their row of the table ended. Runs are under
 `outputs/mended/`; the store of each is kept in `benchmarks/mended/TASK.sqlite.xz`.
 """
 
@@ -19,7 +19,7 @@ PLAN = FOLDER / "plans" / "mended.yaml"
 ARCHIVE = FOLDER / "mended"
 RESULTS = results("mended")
 TITLES = (
-    *("task", "wrong prompt, F held out", "human", "mended prompt", "human"),
+    *("task", "first prompt, F held out", "human", "mended prompt", "human"),
     *("difference, 95 % interval", "the later one is", "crowned"),
 )
 
