@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
+from contextlib import chdir
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -89,9 +90,12 @@ def main() -> None:
     parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--all", type=Path)
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        run = options.run or Path(folder) / "ballbalance"
+    options.run, options.all = (path and path.resolve() for path in (options.run, options.all))
+    # The page shows the run's path, from here: outputs/ballbalance, as for somebody who searches in a folder of theirs.
+    with tempfile.TemporaryDirectory() as folder, chdir(folder), sync_playwright() as playwright:
+        run = options.run or Path("outputs/ballbalance")
         if not run.exists():
+            run.parent.mkdir(parents=True, exist_ok=True)
             unpack(ROWS, run.parent)
             subprocess.run([*EUREKA, "run", *SEARCH, f"dir={run}"], check=True)
         with chromium(playwright) as browser, served(run.parent) as (_, entrance):
