@@ -498,6 +498,20 @@ def test_lanes_that_paused_go_on_as_if_nothing_had_happened():
         assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(whole[lane], seconds=0.0)
 
 
+def test_a_lane_that_was_stopped_after_its_pause_goes_on_as_if_nothing_had_happened(monkeypatch: pytest.MonkeyPatch):
+    """It is given both its state at the pause and its last snapshot."""
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    spec = LaneSpec(id="human", program="human")
+    again = [dataclasses.replace(spec, paused=paused([spec], until=2)["human"].paused)]
+    first = Population("cartpole", again, SMALL, threads=1)
+    stopped = next(x.epoch for x in first.train() if isinstance(x, TrainingProgress) and x.epoch == 3)
+    second = Population("cartpole", again, SMALL, threads=1)
+    second.resume(first.snapshot())
+    (result,) = [x for x in second.train() if isinstance(x, TrainingResult)]
+    assert stopped == 3
+    assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(results([spec])["human"], seconds=0.0)
+
+
 def test_a_lane_that_paused_goes_on_alone_and_in_other_company():
     specs = [LaneSpec(id=name, program=upright(scale), seed=seed) for name, scale, seed in (("a", -1, 1), ("b", -2, 2))]
     others = [LaneSpec(id="c", program="human", seed=2), LaneSpec(id="d", program=upright(-3), seed=1)]
