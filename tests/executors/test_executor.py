@@ -375,7 +375,9 @@ def test_where_not_even_the_human_reward_trains_the_machine_is_at_fault(monkeypa
 def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_left(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="half_evaluating_worker")
-    assert [score.lane for score in trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0)] == ["a", "b"]
+    untrained = {"a": 0, "b": 1}
+    scores = trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0, untrained=untrained)
+    assert [score.lane for score in scores] == ["a", "b"]
     scores = trainer.evaluate("cartpole", {"a": b"", "b": b"", "c": b""}, seed=0)
     assert [next(scores).lane, next(scores).lane] == ["a", "b"]
     with pytest.raises(WorkerError, match="ended before it answered"):

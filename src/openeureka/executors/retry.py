@@ -292,9 +292,10 @@ class Questions:
             WorkerError: when the second worker dies too, or one machine too many is lost.
         """
         header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
-        header |= {"dynamics": plain(dynamics or {}), "record": list(record), "untrained": dict(untrained or {})}
+        header |= {"dynamics": plain(dynamics or {}), "record": list(record)}
         left, deaths, losses = dict(policies), 0, 0
         while left and deaths < 2:
+            header["untrained"] = {lane: own for lane, own in (untrained or {}).items() if lane in left}
             with closing(self._transport.call(Frame(header, left), self._seat)) as call:
                 try:
                     while not (frame := call.receive()).header.get("done"):
