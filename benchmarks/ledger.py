@@ -100,11 +100,11 @@ def _held_out(lanes: Lanes, peaks: Sequence[Peak]) -> dict[str, dict[Peak, Evalu
     log = lanes.store.lanes
     known = {(lane, score.peak): score for lane, score in log.evaluations().items()}
     others = [(lane, peak) for lane, _ in known for peak in peaks if (lane, peak) not in known]
-    lanes.try_out(Tryout(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
+    lanes.try_out(Tryout(lane=lane, name=hacking.PEAK_NAMES[peak], peak=peak) for lane, peak in others)
     tried = log.tryouts()
     found: dict[str, dict[Peak, Evaluation]] = {}
     for lane, peak in [*known, *others]:
-        score = known.get((lane, peak)) or tried.get(lane, {}).get(hacking.PEAKS[peak])
+        score = known.get((lane, peak)) or tried.get(lane, {}).get(hacking.PEAK_NAMES[peak])
         if peak is not None and score is not None:
             found.setdefault(lane, {})[peak] = score
     return found

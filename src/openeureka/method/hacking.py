@@ -31,7 +31,7 @@ WORLDS: Mapping[str, Dynamics] = {
 """The changed worlds that the final policy is tried in."""
 UNTRAINED = "untrained"
 """Name of the tryout in which the policy that the seed begins with plays in the task's own world."""
-PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
+PEAK_NAMES: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
 """Names of the scores of a training's policies."""
 
 
@@ -60,8 +60,8 @@ class Tried:
     result: TrainingResult
     held_out: Evaluation
     tryouts: Mapping[str, Evaluation]
-    """Scores by name: those of `WORLDS` and `UNTRAINED` for the policy that the run keeps, and those of `PEAKS` where F
-    and the own reward peak in two policies."""
+    """Scores by name: those of `WORLDS` and `UNTRAINED` for the policy that the run keeps, and those of `PEAK_NAMES`
+    where F and the own reward peak in two policies."""
 
 
 def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Tryout]:
@@ -73,7 +73,7 @@ def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str
         peaks: for each lane, the policy that has a held-out score already.
     """
     drifting = [
-        Tryout(lane=lane, name=PEAKS[other], peak=other)
+        Tryout(lane=lane, name=PEAK_NAMES[other], peak=other)
         for lane, result in results.items()
         if _two(result)
         for other in ("fitness", "reward")
@@ -94,7 +94,7 @@ def tried(
         others: scores in tryouts, by lane id and name.
     """
     return [
-        Tried(result=result, held_out=own, tryouts={**others.get(lane, {}), PEAKS[own.peak]: own})
+        Tried(result=result, held_out=own, tryouts={**others.get(lane, {}), PEAK_NAMES[own.peak]: own})
         for lane, result in results.items()
         if (own := held_out.get(lane)) is not None and own.peak is not None
     ]
@@ -132,7 +132,7 @@ def drift(lane: Tried) -> str:
     Both policies play the same held-out episodes, so the peak of F gains nothing from having been picked.
     """
     first, last = lane.result.best_fitness, lane.result.best_reward
-    before, after = lane.tryouts.get(PEAKS["fitness"]), lane.tryouts.get(PEAKS["reward"])
+    before, after = lane.tryouts.get(PEAK_NAMES["fitness"]), lane.tryouts.get(PEAK_NAMES["reward"])
     if first is None or last is None or before is None or after is None:
         return ""
     loss = _loss(before, after)

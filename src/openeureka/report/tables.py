@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ..config import RunConfig
 from ..method import baselines
-from ..method.hacking import PEAKS, UNTRAINED, WORLDS, Kind
+from ..method.hacking import PEAK_NAMES, UNTRAINED, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
@@ -254,7 +254,7 @@ def worlds(run: RunView) -> Table:
         for lane in run.tried
         if any(score.episodes + score.lost for name, score in lane.tryouts.items() if name in WORLDS)
         for name, score in {"unchanged": lane.held_out, **lane.tryouts}.items()
-        if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
+        if (name in WORLDS or score is lane.held_out) and name not in PEAK_NAMES.values()
     ]
     fitted = run.fitted is not None
     whose = "the winner's policy, before its numbers were fitted" if fitted else "the policy in best/"
