@@ -4,12 +4,13 @@ from dataclasses import replace
 import pytest
 
 from openeureka.method import reflection
-from openeureka.method.reflection import Style, summary
+from openeureka.method.reflection import summary
 from openeureka.types import (
     Candidate,
     Evaluation,
     Finding,
     Sample,
+    Style,
     TrainingResult,
     TrainingState,
     Verdict,

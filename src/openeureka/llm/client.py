@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal, Protocol
+from typing import Protocol
 
-from ..types import Prompt, Reply
+from ..types import Prompt, Reply, Style
 
 
 class LanguageModel(Protocol):
@@ -15,7 +15,7 @@ class LanguageModel(Protocol):
     """
 
     name: str
-    style: Literal["free", "grammar"]
+    style: Style
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         """Yield n replies as they complete, in any order.

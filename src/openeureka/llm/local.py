@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ..cores import usable_cores
 from ..errors import ModelError, WorkerError
-from ..types import Message, Prompt, Reply, Usage
+from ..types import Message, Prompt, Reply, Style, Usage
 from ..worker import Worker
 
 MAX_TOKENS = 900
@@ -30,7 +30,7 @@ _REPLY_SECONDS = 3600.0
 class LocalModel:
     """Constrained decoding on the CPU. The process starts with the first sample and ends with `close`."""
 
-    style: Literal["free", "grammar"] = "grammar"
+    style: Style = "grammar"
 
     def __init__(
         self, weights: Callable[[], Path], *, name: str = "local", temperature: float = 1.0, threads: int = 0

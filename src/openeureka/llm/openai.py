@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
 from threading import Event, Semaphore, Thread
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import httpx2
 import openai
 
 from ..errors import ModelError
-from ..types import Message, Prompt, Reply, Usage
+from ..types import Message, Prompt, Reply, Style, Usage
 from . import completion, connection
 from .completion import Completion, Unreadable
 from .price import CHARACTERS, Price
@@ -77,7 +77,7 @@ class EndpointModel:
         ConfigError: an address, a proxy or certificates that cannot be used.
     """
 
-    style: Literal["free", "grammar"] = "free"
+    style: Style = "free"
 
     def __init__(
         self,

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from random import Random
-from typing import Literal
 
 from ..errors import ModelError
-from ..types import Prompt, Reply
+from ..types import Prompt, Reply, Style
 from . import gbnf
 
 _TRIES = 100
@@ -28,7 +27,7 @@ class RandomModel:
     """
 
     name = "random"
-    style: Literal["free", "grammar"] = "grammar"
+    style: Style = "grammar"
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         """Yield n different replies, always the same ones for a prompt and a seed."""

@@ -12,12 +12,11 @@ from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, ModelError, StoreError
 from ..plugins import Door
-from ..types import Prompt, Reply
+from ..types import Prompt, Reply, Style
 from . import hub, price, weights
 from .client import LanguageModel
 from .local import LocalModel, expect_engine
@@ -121,7 +120,7 @@ def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
     return ReplayModel(archived(Path(where)), "free", held=held)
 
 
-def _style(recorded: str) -> Literal["free", "grammar"]:
+def _style(recorded: str) -> Style:
     """The style in which a run's model was asked: that of a replay is the style of the replayed run, if it exists."""
     from ..store import read_config
 
@@ -190,7 +189,7 @@ class PricedModel:
 
     def __init__(self, model: LanguageModel, known: price.Price) -> None:
         self.name = model.name
-        self.style: Literal["free", "grammar"] = model.style
+        self.style: Style = model.style
         self._model, self._price = model, known
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
@@ -215,8 +214,8 @@ class ReplayModel:
 
     name = "replay"
 
-    def __init__(self, replies: Sequence[Reply], style: Literal["free", "grammar"], *, held: int = 0) -> None:
-        self.style: Literal["free", "grammar"] = style
+    def __init__(self, replies: Sequence[Reply], style: Style, *, held: int = 0) -> None:
+        self.style: Style = style
         self._replies = replies
         self._next = held
 

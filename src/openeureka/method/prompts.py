@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
-from typing import Literal
 
 from ..llm import grammar
 from ..numbers import scored
@@ -28,6 +27,7 @@ from ..types import (
     PromptPlan,
     Scored,
     StateVar,
+    Style,
     TaskContext,
     TrainingState,
     Verdict,
@@ -58,9 +58,7 @@ _USES = {
 }
 
 
-def render(
-    context: TaskContext, plan: PromptPlan, style: Literal["free", "grammar"], *, progress: bool = False
-) -> Prompt:
+def render(context: TaskContext, plan: PromptPlan, style: Style, *, progress: bool = False) -> Prompt:
     """The prompt of a plan.
 
     Args:
@@ -145,9 +143,7 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     )
 
 
-def _turn(
-    turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None
-) -> tuple[Message, ...]:
+def _turn(turn: Scored, plan: PromptPlan, style: Style, highest: float | None) -> tuple[Message, ...]:
     """An earlier answer and the feedback on it; `highest` is the highest possible score."""
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
@@ -160,7 +156,7 @@ def _turn(
     return Message("assistant", extract.fenced(program)), Message("user", feedback)
 
 
-def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None) -> str:
+def _score(turn: Scored, plan: PromptPlan, style: Style, highest: float | None) -> str:
     """One line on how high a shown reward scores, whether it is the best and whether it is the one to improve; and one
     on the episodes that its policy played."""
     if turn.played is not None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 from ..config import RunConfig
 from ..types import (
@@ -16,6 +15,7 @@ from ..types import (
     Limits,
     Sample,
     Scored,
+    Style,
     TrainingResult,
     TrainingState,
     VerdictCode,
@@ -23,7 +23,6 @@ from ..types import (
     of_components,
 )
 
-Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
 
 _INTRODUCTION = """\

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from random import Random
-from typing import Literal, Protocol
+from typing import Protocol
 
 from ..config import RunConfig
 from ..errors import ConfigError
 from ..plugins import Door
-from ..types import PEAKS, History, Opinion, Peak, PromptPlan, Ranks, RemarkKind, Scored, VerdictCode
+from ..types import PEAKS, History, Opinion, Peak, PromptPlan, Ranks, RemarkKind, Scored, Style, VerdictCode
 from .ranking import Ranking
 
 
@@ -114,7 +114,7 @@ _SIZES = {"free": (16, 5), "grammar": (8, 3)}
 """Default `sample` and `iteration` by style: the embedded model takes minutes for what an endpoint does in seconds."""
 
 
-def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
+def sized(config: RunConfig, style: Style) -> RunConfig:
     """The settings with `sample` and `iteration` filled in for a model of this style."""
     sample, iteration = _SIZES[style]
     return replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
@@ -128,7 +128,7 @@ def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking
         count=samples,
         turns=tuple(turns),
         failures=_failures(history),
-        opinion=_opinion(turns[-1:], history, ranking),
+        opinion=_opinion(turns[-1] if turns else None, history, ranking),
         limits=history.limits,
     )
 
@@ -149,9 +149,9 @@ def _failures(history: History) -> tuple[Scored, ...]:
     return tuple(e for e in history.generations[-1].entries if e.sample.verdict.code is not VerdictCode.SCREENED)
 
 
-def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:
+def _opinion(parent: Scored | None, history: History, ranking: Ranking) -> Opinion:
     remarks = [remark for generation in history.generations for remark in generation.remarks]
-    own = parents[0].candidate_id if parents else None
+    own = parent.candidate_id if parent is not None else None
     won, lost = ranking.record(own) if own is not None else (0, 0)
     return Opinion(
         words=tuple(remark.text for remark in remarks if remark.kind is RemarkKind.WORDS),

@@ -11,7 +11,6 @@ import re
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from ..codec import decode, encode
 from ..types import (
@@ -28,6 +27,7 @@ from ..types import (
     Reply,
     RewardGraph,
     StateSpec,
+    Style,
     TaskContext,
     TrainBudget,
     TrainingEvent,
@@ -62,7 +62,7 @@ class ScriptedModel:
 
     script: Sequence[str]
     name: str = "scripted"
-    style: Literal["free", "grammar"] = "free"
+    style: Style = "free"
     usage: Usage = _USAGE
     prompts: list[Prompt] = field(default_factory=list)
     seeds: list[int] = field(default_factory=list)

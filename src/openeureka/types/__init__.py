@@ -4,7 +4,7 @@ World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 """
 
 from .dynamics import NOMINAL, Dynamics, Ranges
-from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
+from .replies import GIVEN, Attempt, Message, Prompt, Reply, Style, Usage
 from .rewards import PROGRESS, Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
 from .search import (
     Generation,
@@ -107,6 +107,7 @@ __all__ = [
     "StateSpec",
     "StateUse",
     "StateVar",
+    "Style",
     "TaskContext",
     "TrainBudget",
     "Trainer",

@@ -7,6 +7,9 @@ from typing import Literal
 
 from .rewards import Candidate
 
+Style = Literal["free", "grammar"]
+"""How a model writes: as it likes, or a text that the grammar of its prompt derives."""
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
