@@ -46,7 +46,7 @@ def run(
     history = store.history()
     for generation in history.generations:
         tell(generation)
-    history = history.rescored(lanes.play(history.lanes))  # does nothing unless the run was stopped during it
+    history = history.rescored(lanes.play(history.lanes))  # nothing is left to play: listeners hear the scores
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)

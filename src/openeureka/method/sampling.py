@@ -88,7 +88,7 @@ class Sampler:
         """Generation 0 of a run that begins with a given reward: only this reward, kept as if it were a reply.
 
         Raises:
-            RewardFileError: when it cannot be read or was refused; nothing of it is kept then.
+            RewardFileError: when it cannot be read or was refused; no reply is stored then.
         """
         if self.store.talk.reply(0, 0, 0) is None:
             reply = Reply(text=extract.fenced(initial(self.config).source), model=GIVEN)

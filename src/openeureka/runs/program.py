@@ -129,7 +129,7 @@ def followed(work: Work, *, own: bool = False) -> Generator[Event]:
         while (event := told.get()) is not None:
             yield event
     except KeyboardInterrupt:
-        leaving.set()
+        pass  # `work` ends by Interrupted then, which says how to go on
     finally:
         leaving.set()
         thread.join()

@@ -180,12 +180,12 @@ class TrainingResult:
     """Training time [s] at each epoch of the curves; empty where an older version kept none."""
     correlation: Finite | None = None
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant, and
-    where the lane ended early."""
+    for a lane that diverged or failed."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
     last: bytes | None = field(default=None, repr=False)
-    """Policy at the end of training, from which the next stage of a curriculum goes on; None for a lane that ended
-    early, and where the store left it in its file."""
+    """Policy at the end of training, from which the next stage of a curriculum goes on; None for a lane that
+    diverged or failed, and where the store left it in its file."""
     paused: bytes | None = field(default=None, compare=False, repr=False)
     """The whole state from which a PAUSED lane goes on; None for other lanes, and where the store holds it."""
     message: str = ""
