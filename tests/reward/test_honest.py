@@ -161,6 +161,13 @@ def test_cosine_similarity_counts_dimensions_as_torch_does(
     torch.testing.assert_close(load._cosine_similarity(x, y, dim), torch.cosine_similarity(x, y, dim))
 
 
+@pytest.mark.parametrize(("length", "dtype"), [(1e30, torch.float32), (300.0, torch.float16)])
+def test_cosine_similarity_of_long_vectors_is_that_of_torch(length: float, dtype: torch.dtype) -> None:
+    x, y = (length * part / part.norm(dim=-1, keepdim=True) for part in torch.randn(2, 64, 3))
+    x, y = x.to(dtype), y.to(dtype)
+    torch.testing.assert_close(load._cosine_similarity(x, y, -1), torch.cosine_similarity(x, y, -1))
+
+
 FIRST_ARGUMENTS = {
     "torch.exp(-dt)": math.exp(-0.0166),
     "torch.sqrt(2.0) * torch.log(2.0)": math.sqrt(2.0) * math.log(2.0),

@@ -22,11 +22,12 @@ Runner = Callable[[Mapping[str, Any]], object]
 
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
-    product = x1 * x2
     if x1.shape != x2.shape:  # as in torch's own, `dim` counts in the common shape
-        x1, x2 = x1.expand_as(product), x2.expand_as(product)
-    lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
-    return product.sum(dim=dim) / lengths
+        common = x1 + x2
+        x1, x2 = x1.expand_as(common), x2.expand_as(common)
+    # Divided first, as in torch's own: the product of large vectors may be infinite.
+    a, b = (x / norm(x, dim=dim).clamp(min=eps).unsqueeze(dim) for x in (x1, x2))
+    return (a * b).sum(dim=dim)
 
 
 def _cdist(x1: Tensor, x2: Tensor, p: float = 2.0) -> Tensor:
