@@ -120,6 +120,12 @@ def test_what_is_no_component_name_is_told_by_name(key: object, told: str) -> No
     assert refusal.value.finding.message == f"{told} proper name of a component"
 
 
+@pytest.mark.parametrize("made", ["c = dict(x=x, device=-x)", "c = {'x': x}\n    c.update(device=-x)"])
+def test_a_component_may_be_called_device(made: str) -> None:
+    source = f"def f(dof_pos):\n    x = dof_pos[:, 0]\n    {made}\n    return x, c\n"
+    assert [name for name, _ in accepted(ANT, source).graph.components] == ["x", "device"]
+
+
 def test_a_reward_and_components_that_are_one_tensor_are_fine() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
     source = "def f(obs_buf):\n    r = obs_buf[:, 0]\n    return r, {'a': r, 'b': r, 'c': obs_buf[:, 0].expand_as(r)}\n"
@@ -272,6 +278,15 @@ SAME = {
         "def f(dof_pos, device):\n    twice = lambda x, device: 2.0 * x\n"
         "    return twice(dof_pos[:, 0], device=device), {}\n",
         "2.0 * dof_pos[:, 0]",
+    ),
+    "a device for a function in a table": (
+        "def f(dof_pos, device):\n    table = {'a': lambda x, device: 2.0 * x}\n"
+        "    return table['a'](dof_pos[:, 0], device=device), {}\n",
+        "2.0 * dof_pos[:, 0]",
+    ),
+    "a device for an imported function": (
+        "from torch import zeros\n\ndef f(dof_pos):\n    return dof_pos[:, 0] + zeros(1, device='cuda:0'), {}\n",
+        "dof_pos[:, 0]",
     ),
     "a device for a method": (
         "def twice(self, x, device):\n    return 2.0 * x\n\n"

@@ -346,15 +346,18 @@ class Normaliser(ast.NodeTransformer):
         function = node.func
         match function:
             case ast.Name(id=called):
-                own = called in self._own
+                offered = called in self.names or called in surface.ALL_HELPERS
+                as_written = called in self._own or not offered
             case ast.Attribute(value=ast.Name(id="self") as owner, attr=called) if called in self.functions:
-                own = True
+                as_written = True
                 node.func = ast.copy_location(ast.Name(called, ast.Load()), function)
                 if called not in self._static:
                     node.args.insert(0, owner)
+            case ast.Attribute(attr="update"):  # of a dict: the keywords are keys
+                as_written = True
             case _:
-                own = False
-        if own:
+                as_written = not isinstance(function, ast.Attribute)
+        if as_written:
             return node
         # A graph runs on the device of its inputs, so a device that the author names has no meaning.
         node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
