@@ -333,6 +333,11 @@ SAME = {
         "def f(dof_pos):\n    return (dof_pos[:, :3] - dof_pos.new_zeros(3)).sum(dim=-1), {}\n",
         "dof_pos[:, :3].sum(dim=-1)",
     ),
+    "an edit of a tensor that has the type already": (
+        "def f(dof_pos):\n    a = torch.zeros_like(dof_pos[:, 0])\n    b = a.type_as(dof_pos)\n"
+        "    b += dof_pos[:, 0]\n    return a + b + (dof_pos[:, 1] > 0).type_as(other=dof_pos), {}\n",
+        "2.0 * dof_pos[:, 0] + (dof_pos[:, 1] > 0).float()",
+    ),
     "ones of the dtype of an input": (
         "def f(dof_pos):\n    return dof_pos[:, 0] * dof_pos.new_ones(1), {}\n",
         "dof_pos[:, 0]",
@@ -374,6 +379,14 @@ def refused(spec: StateSpec, source: str) -> Finding:
 def test_a_shift_is_named_as_it_is_written(line: str, sign: str, fix: str) -> None:
     finding = refused(ANT, f"def f(actions):\n    x = (actions[:, 0] > 0).int()\n    {line}\n    return x, {{}}\n")
     assert sign in finding.message and finding.fix == fix
+
+
+def test_what_differs_between_a_graph_and_its_program_is_named() -> None:
+    states = recorded(ANT, 8)
+    traced = accepted(ANT, "def f(dof_pos):\n    x = dof_pos[:, 0]\n    return x, {'a': 2.0 * x}\n")
+    reward, components = graph.CompiledReward(traced.graph, ANT)(states)
+    with pytest.raises(Refused, match="disagree on component `a`"):
+        probe._compare(traced.graph, {**states, "num_envs": 8}, (reward, {"a": components["a"] + 1.0}))
 
 
 def test_what_a_function_takes_is_said_where_it_is_called_otherwise() -> None:

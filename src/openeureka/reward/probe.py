@@ -233,9 +233,11 @@ def _compare(graph: RewardGraph, state: Mapping[str, Any], eager: Outputs, rule:
     except (GraphError, RuntimeError, IndexError, TypeError) as error:
         raise Refused("operation", f"it cannot be written as a graph: {str(error)[:200]}", "simplify it") from None
     found = [done[graph.reward], *(done[index] for _, index in graph.components)]
-    for value, expected in zip(found, map(torch.as_tensor, _flat(eager)), strict=True):
+    called = ("the reward", *(f"component `{name}`" for name, _ in graph.components))
+    for name, value, expected in zip(called, found, map(torch.as_tensor, _flat(eager)), strict=True):
         if not torch.allclose(value.double(), expected.double(), rtol=1e-4, atol=1e-5, equal_nan=True):
             if rule == "world-count":
                 message = f"with {state['num_envs']} worlds the program computes something else"
                 raise Refused(rule, message, "treat all worlds alike, however many there are")
-            raise Refused(rule, "the traced graph and the program disagree", "use plain tensor operations")
+            message = f"the traced graph and the program disagree on {name}"
+            raise Refused(rule, message, "use plain tensor operations")

@@ -31,7 +31,14 @@ _SELECTS = "index.Tensor"
 _MASKED = (_SELECTS, "index_put.default")
 _LEFT, _RIGHT = ("<<", "write `a * 2**b`"), (">>", "write `a // 2**b`")
 _SHIFTS = {"__lshift__": _LEFT, "bitwise_left_shift": _LEFT, "__rshift__": _RIGHT, "bitwise_right_shift": _RIGHT}
+
+
+def _type_as(tensor: Tensor, other: Tensor) -> Tensor:
+    return tensor.to(other.dtype)  # the tensor itself where it has that dtype
+
+
 _PURE: Mapping[object, Callable[..., Tensor]] = {
+    Tensor.type_as: _type_as,
     Tensor.__iand__: Tensor.bitwise_and_,
     Tensor.__ior__: Tensor.bitwise_or_,
     Tensor.__ixor__: Tensor.bitwise_xor_,
@@ -257,7 +264,7 @@ def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
 
 
 class _Pure(TorchFunctionMode):
-    """Replaces in-place methods that torch cannot functionalise by equivalent ones that it can."""
+    """Replaces methods that torch cannot functionalise by equivalent ones that it can."""
 
     def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         return _PURE.get(func, func)(*args, **(kwargs or {}))
