@@ -381,6 +381,15 @@ def test_a_shift_is_named_as_it_is_written(line: str, sign: str, fix: str) -> No
     assert sign in finding.message and finding.fix == fix
 
 
+@pytest.mark.parametrize("made", ["torch.Tensor(1)", "torch.FloatTensor(1)"])
+def test_who_makes_a_tensor_of_no_numbers_is_told_how_to_make_one_of_zeros(made: str) -> None:
+    finding = refused(ANT, f"def f(dof_pos):\n    return dof_pos[:, 0] + {made}.fill_(1.0), {{}}\n")
+    assert finding.sentence() == (
+        "line 2: the operation `torch.Tensor(n)` cannot be part of a reward [operation]; "
+        "use `torch.zeros(n)`, or `torch.tensor([...])` for numbers"
+    )
+
+
 def test_what_differs_between_a_graph_and_its_program_is_named() -> None:
     states = recorded(ANT, 8)
     traced = accepted(ANT, "def f(dof_pos):\n    x = dof_pos[:, 0]\n    return x, {'a': 2.0 * x}\n")

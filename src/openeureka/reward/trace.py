@@ -30,7 +30,14 @@ _READS_A_NUMBER = "_local_scalar_dense"
 _SELECTS = "index.Tensor"
 _MASKED = (_SELECTS, "index_put.default")
 _LEFT, _RIGHT = ("<<", "write `a * 2**b`"), (">>", "write `a // 2**b`")
-_SHIFTS = {"__lshift__": _LEFT, "bitwise_left_shift": _LEFT, "__rshift__": _RIGHT, "bitwise_right_shift": _RIGHT}
+_SPELT = {
+    "__lshift__": _LEFT,
+    "bitwise_left_shift": _LEFT,
+    "__rshift__": _RIGHT,
+    "bitwise_right_shift": _RIGHT,
+    "empty": ("torch.Tensor(n)", "use `torch.zeros(n)`, or `torch.tensor([...])` for numbers"),
+}
+"""What an author wrote where torch ran an operation of another name, and what to write instead."""
 
 
 def _type_as(tensor: Tensor, other: Tensor) -> Tensor:
@@ -203,7 +210,7 @@ class Tracer(Mode):
         if op == "zero.default":  # a functionalised `zero_`, which torch offers in place only
             op = "zeros_like.default"
         if op not in surface.ATEN:
-            spelt, fix = _SHIFTS.get(op.partition(".")[0], (op, "write it with simpler tensor operations"))
+            spelt, fix = _SPELT.get(op.partition(".")[0], (op, "write it with simpler tensor operations"))
             raise Refused("operation", f"the operation `{spelt}` cannot be part of a reward", fix, current_line())
         kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
         index = self.add(op, tuple(self._encode(arg) for arg in written), kept)
