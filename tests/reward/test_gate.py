@@ -223,6 +223,12 @@ def test_a_function_of_another_name_is_named(call: str, meant: str) -> None:
     assert sentence.endswith(f"use `{meant}`")
 
 
+@pytest.mark.parametrize("dtype", ["float32", "float64", "int32"])
+def test_a_dtype_that_is_no_method_is_written_as_an_argument(dtype: str) -> None:
+    (sentence,) = sentences(f"def f(dof_pos):\n    return dof_pos.{dtype}()[:, 0], {{}}\n")
+    assert sentence.endswith(f"write `.to(torch.{dtype})`")
+
+
 @pytest.mark.parametrize(
     "call", ["torch.angle(dof_pos)", "torch.isin(dof_pos)", "torch.dsplit(dof_pos)", "print(dof_pos)"]
 )

@@ -338,6 +338,10 @@ SAME = {
         "    b += dof_pos[:, 0]\n    return a + b + (dof_pos[:, 1] > 0).type_as(other=dof_pos), {}\n",
         "2.0 * dof_pos[:, 0] + (dof_pos[:, 1] > 0).float()",
     ),
+    "fewer digits": (
+        "def f(dof_pos):\n    return dof_pos[:, 0].bfloat16(), {}\n",
+        "dof_pos[:, 0].to(torch.bfloat16)",
+    ),
     "ones of the dtype of an input": (
         "def f(dof_pos):\n    return dof_pos[:, 0] * dof_pos.new_ones(1), {}\n",
         "dof_pos[:, 0]",

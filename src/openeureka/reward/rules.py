@@ -216,6 +216,8 @@ class Rules(ast.NodeVisitor):
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
             known = guess.instead(name)
             function = f"use `{known}`" if known else ""
+            if name in surface.DTYPES:
+                function = f"write `.to(torch.{name})`"
             fix = _INSTEAD.get(name) or function or self._guess(name, surface.METHODS) or _OTHERWISE
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 

@@ -61,7 +61,7 @@ NUMPY = words("""
 
 METHODS = words("""
     abs absolute acos add addcdiv addcmul all amax amin aminmax any append argmax argmin argsort asin atan
-    atan2 bmm bool ceil chunk clamp clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross
+    atan2 bfloat16 bmm bool ceil chunk clamp clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross
     cummax cummin cumprod cumsum deg2rad detach device diagonal diff dim div divide dot double dtype eps
     eq erf erfc exp exp2 expand expand_as expm1 extend flatten flip float float_power floor floor_divide fmax
     fmin fmod frac gather ge get greater greater_equal gt half heaviside hypot index_select indices inner int
