@@ -305,6 +305,16 @@ SAME = {
         "def f(dof_pos):\n    return dof_pos.to('cuda:0', non_blocking=True)[:, 0], {}\n",
         "dof_pos[:, 0]",
     ),
+    "a helper that reads what is an argument of the reward": (
+        "def bonus(x):\n    return x * dt * (dof_vel[:, 0] * 0.0 + 1.0)\n\n"
+        "def f(dof_pos, dt, dof_vel):\n    dt, dof_vel = 2.0 * dt, None\n    return bonus(dof_pos[:, 0]) + dt, {}\n",
+        "(dof_pos[:, 0] + 2.0) * dt",
+    ),
+    "a helper that reads how many worlds there are": (
+        "def zero():\n    return torch.zeros(num_envs, device=device)\n\n"
+        "def f(dof_pos, num_envs, device):\n    return dof_pos[:, 0] + zero(), {}\n",
+        "dof_pos[:, 0]",
+    ),
     "a static method": (
         "@staticmethod\ndef twice(x):\n    return 2.0 * x\n\n"
         "def f(self):\n    return self.twice(self.dof_pos[:, 0]), {}\n",

@@ -139,7 +139,7 @@ def load(program: Program) -> Runner:
         names[name] = value
     exec(program.code(), names)  # the gate's plain form: functions and literal constants
     function = names[program.entry]
-    taken = {*program.arguments, *names, *allowed}  # `self.dt` is no reason to overwrite the program's own `dt`
+    taken = {*names, *allowed}  # `self.dt` is no reason to overwrite the program's own `dt`
     free = [name for name in program.inputs if name not in taken]
 
     def run(state: Mapping[str, Any]) -> object:
