@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 
@@ -98,13 +100,68 @@ def test_an_empty_selection_is_judged_by_its_result() -> None:
     assert isinstance(found, Finding) and found.rule == "coupling"
 
 
+def traced_of(source: str, states: dict[str, Any]) -> probe.Traced:
+    program = gate.check(source, ANT)
+    assert isinstance(program, gate.Program), [finding.sentence() for finding in program]
+    traced = probe.probe(load.load(program), ANT, states)
+    assert examine.examine(traced, ANT, states) == ()
+    return traced
+
+
+COLUMNS = {
+    "HIPS = [True, False, True, False, True, False, True, False]": "torch.tensor(HIPS)",
+    "": "torch.arange(8) % 2 == 0",
+}
+PICKED = {
+    "r = (dof_pos[:, hips] * torch.tensor([1.0, 2.0, 0.0, 0.0])).sum(-1)": "b[:, 0] + 2.0 * b[:, 1]",
+    "r = dof_pos[:, hips].view(num_envs, 2, 2).prod(-1).sum(-1)": "b[:, 0] * b[:, 1] + b[:, 2] * b[:, 3]",
+    "a, b, c, d = dof_pos[:, hips].unbind(-1)\n    r = a - d": "b[:, 0] - b[:, 3]",
+    "x = torch.zeros_like(dof_pos)\n    x[:, hips] = dof_pos[:, hips] * torch.tensor([1.0, 2.0, 3.0, 4.0])\n"
+    "    x[:, ~hips] += 1.0\n    r = x[:, 6] + x[:, 1]": "4.0 * b[:, 3] + 1.0",
+    "x = dof_pos.clone()\n    x[:, hips] = torch.tensor([5.0, 6.0, 7.0, 8.0])\n    r = x[:, 2] * dof_pos[:, 0]": (
+        "6.0 * b[:, 0]"
+    ),
+    "r = dof_pos.view(-1, 2, 4)[:, hips.view(2, 4)].diff(dim=-1)[:, 0]": "b[:, 1] - b[:, 0]",
+}
+
+
+@pytest.mark.parametrize("constant", COLUMNS)
+@pytest.mark.parametrize("lines", PICKED)
+def test_a_constant_mask_picks_columns(lines: str, constant: str) -> None:
+    source = (
+        f"{constant}\n\ndef f(dof_pos, num_envs):\n    hips = {COLUMNS[constant]}\n    {lines}\n    return r, {{}}\n"
+    )
+    states = recorded(ANT)
+    reward, _ = graph.CompiledReward(traced_of(source, states).graph, ANT)(states)
+    torch.testing.assert_close(reward, eval(PICKED[lines], {"b": torch.as_tensor(states["dof_pos"])[:, ::2]}))
+
+
+def test_a_mask_that_picks_every_world_is_no_list_of_worlds() -> None:
+    source = (
+        "def f(dof_pos, num_envs):\n    r = dof_pos[:, 0].clone()\n"
+        "    r[torch.ones(num_envs, dtype=torch.bool)] += 1.0\n    return r, {}\n"
+    )
+    states = recorded(ANT)
+    reward, _ = graph.CompiledReward(traced_of(source, states).graph, ANT)(states)
+    torch.testing.assert_close(reward, torch.as_tensor(states["dof_pos"])[:, 0] + 1.0)
+
+
+def test_who_picks_columns_by_limits_of_the_task_is_told_to_number_them() -> None:
+    source = (
+        "def f(dof_pos, dof_limits_upper):\n    picked = dof_pos[:, dof_limits_upper > dof_limits_upper[0]]\n"
+        "    return (picked * torch.ones(picked.shape[1])).sum(-1), {}\n"
+    )
+    program = gate.check(source, ANT)
+    assert isinstance(program, gate.Program)
+    states = recorded(ANT)
+    (finding,) = examine.examine(probe.probe(load.load(program), ANT, states), ANT, states)
+    assert (finding.rule, finding.line) == ("operation", 3)
+    assert finding.fix == "pick columns by number, as in `x[:, [0, 2]]`, not by a mask"
+
+
 def test_what_a_constant_of_the_task_picks_may_be_counted() -> None:
     source = (
         "def f(dof_pos, dof_limits_upper):\n    picked = dof_pos[:, dof_limits_upper > dof_limits_upper[0]]\n"
         "    return picked.sum(-1) / (1 + picked.shape[1]), {}\n"
     )
-    program = gate.check(source, ANT)
-    assert isinstance(program, gate.Program)
-    states = recorded(ANT)
-    traced = probe.probe(load.load(program), ANT, states)
-    assert examine.examine(traced, ANT, states) == ()
+    traced_of(source, recorded(ANT))

@@ -99,8 +99,10 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
         counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
     for count in sorted(counts):
         total, index, shapes = 0, -1, _shapes(traced.graph, spec, recorded, count)
+        seen: list[Any] = []
         try:
             for index, value in enumerate(shapes):
+                seen.append(value)
                 size = _size(value)
                 total += size
                 if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
@@ -108,7 +110,19 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
         except (IndexError, RuntimeError, TypeError, ValueError) as error:
             line = _line(traced, index + 1)
             message = f"its graph does not run with {count} worlds: {_text(error)}"
-            raise Refused("operation", message, "treat all worlds alike, however many there are", line) from None
+            fix = "treat all worlds alike, however many there are"
+            sources = (i for i in needed(traced.graph, index + 1) if i <= index)
+            if any(_picks_by_mask(traced.graph.nodes[i], seen, count) for i in sources):
+                fix = "pick columns by number, as in `x[:, [0, 2]]`, not by a mask"
+            raise Refused("operation", message, fix, line) from None
+
+
+def _picks_by_mask(node: Node, seen: Sequence[Any], count: int) -> bool:
+    """Whether a node picks by a mask that is not one over worlds. How many it picks is unknown before it runs."""
+    if node.op != "index.Tensor":
+        return False
+    indices = (seen[source] for source in references(node)[1:])
+    return any(isinstance(i, Tensor) and i.dtype == torch.bool and count not in i.shape for i in indices)
 
 
 def _grows_with_worlds(node: Node) -> bool:

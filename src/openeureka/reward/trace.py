@@ -202,6 +202,8 @@ class Tracer(Mode):
             result = func(*args, **kwargs)
             self.name(result, self.index(args[0]))
             return result
+        if op in _MASKED:
+            args = (args[0], self._numbered(args[1]), *args[2:])
         written = args
         if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
             op, written = _squeeze(args)
@@ -223,6 +225,25 @@ class Tracer(Mode):
             for position, part in enumerate(result):
                 self.name(part, self.add("getitem", ({"ref": index}, position)))
         return result
+
+    def _numbered(self, indices: Sequence[Tensor | None]) -> Sequence[Tensor | None]:
+        """The indices, with constant masks replaced by the places that they pick.
+
+        The shape of what they pick is then known before any number is computed. A mask over worlds stays a mask, since
+        a list of places would hold for one number of worlds.
+        """
+        numbered: list[Tensor | None] = []
+        for index in indices:
+            if index is None or index.dtype != torch.bool or not index.dim() or not self._is_constant(index):
+                numbered.append(index)
+                continue
+            with _disable_current_modes():
+                numbered += [place.clone() for place in index.nonzero().unbind(-1)]
+        return numbered
+
+    def _is_constant(self, mask: Tensor) -> bool:
+        small = mask.numel() <= MAX_CONSTANT and self._worlds not in mask.shape
+        return small and self.index(mask) not in self._of_state
 
     def _picking(self, op: str, node: int, indices: Sequence[Tensor | None]) -> Sequence[Tensor | None]:
         """The indices, with masks over worlds replaced as `every` says."""
