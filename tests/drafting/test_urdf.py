@@ -203,6 +203,29 @@ def test_an_arm_is_not_held_by_the_base_that_it_reaches_into(tmp_path: Path, bet
     assert pairs == [{model.body("base").id, model.body("shell").id}]  # links further out may touch the base
 
 
+@pytest.mark.parametrize("floating", [False, True])
+def test_links_that_overlap_in_every_pose_do_not_push_each_other(tmp_path: Path, floating: bool):
+    """The thigh, two joints away, is inside the base wherever it turns. The foot is in the base only at the start."""
+    (tmp_path / "leg.urdf").write_text(f"""<robot name="leg">
+      <link name="base">{INERTIAL}<collision><geometry><sphere radius="0.2"/></geometry></collision></link>
+      <link name="hip">{INERTIAL}</link>
+      <link name="thigh">{INERTIAL}<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision></link>
+      <link name="shank">{INERTIAL}</link>
+      <link name="foot">{INERTIAL}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+      <joint name="side" type="revolute"><parent link="base"/><child link="hip"/><origin xyz="0.1 0 0"/>
+        <axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="20" velocity="4"/></joint>
+      <joint name="swing" type="continuous"><parent link="hip"/><child link="thigh"/><origin xyz="0.05 0 0"/>
+        <axis xyz="0 1 0"/><limit effort="20" velocity="4"/></joint>
+      <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/><origin xyz="0 0 0.2"/>
+        <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="4"/></joint>
+      <joint name="ankle" type="fixed"><parent link="shank"/><child link="foot"/><origin xyz="-0.15 0 0"/></joint>
+    </robot>""")
+    model = read_urdf(tmp_path / "leg.urdf", floating=floating).compile()
+    base, thigh = (model.body(name).id for name in ("base", "thigh"))
+    pairs = sorted(divmod(signature, 1 << 16) for signature in model.exclude_signature.tolist())
+    assert pairs == [(base, thigh)]
+
+
 def test_what_stands_on_a_floor_stands_there_in_the_pose_that_episodes_begin_in(tmp_path: Path):
     """The leg is drawn level, which is outside its range. At 0.8 + 0.05 rad its foot is 0.376 m lower."""
     (tmp_path / "leg.urdf").write_text(f"""<robot name="leg">

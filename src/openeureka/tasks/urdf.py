@@ -7,12 +7,16 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from ..errors import TaskError
+from .anatomy import HINGE, follow, scalar_joints
 from .start import home
 
 STIFFNESS = 4.0
 """[1/rad] or [1/m]: servos of joints with a range give their full effort at an error of 0.25 rad or m."""
+POSES = 50
+"""Random poses, besides the one at the start, in all of which two links overlap that never collide."""
 _MESHES = (".stl", ".obj", ".msh")
 _LEAST = 1e-6
 """[kg], [kg m^2] that MuJoCo needs for anything that moves; URDFs leave out the inertia of mere frames."""
@@ -23,8 +27,8 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
 
     A joint with a range gets a position servo within that range, and a joint without a range gets a motor. Both are
     limited to its effort. Its damping is such that full effort moves it at its velocity limit. Joints that mimic
-    another follow it. Links that a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are
-    left out.
+    another follow it. Links that a joint connects do not collide, nor do links that overlap in every pose. Visual
+    meshes in formats that MuJoCo cannot read are left out.
 
     Args:
         floating: let the root move freely, above a floor, as a joint of type `floating` does too; else it is fixed to
@@ -53,18 +57,30 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     try:
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
     except (ValueError, mujoco.FatalError) as error:
-        raise TaskError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())}.") from None
+        raise _unreadable(path, error) from None
     _actuate(spec, robot)
     if not spec.actuators:
         raise TaskError(
             f"No joint of {path} has a <limit> with an effort above zero, so the robot has no actuators; add such "
             "limits."
         )
-    if floating or _floats(spec):
-        _set_afloat(spec)
-    else:
+    afloat = floating or _floats(spec)
+    if not afloat:
         _part_from_base(spec)
+    elif not _floats(spec):
+        spec.worldbody.first_body().add_freejoint()
+    try:
+        model = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise _unreadable(path, error) from None
+    _part_overlapping(spec, model)
+    if afloat:
+        _put_on_floor(spec, model)
     return spec
+
+
+def _unreadable(path: Path, error: Exception) -> TaskError:
+    return TaskError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())}.")
 
 
 def _find_meshes(link: ElementTree.Element, path: Path) -> None:
@@ -155,19 +171,42 @@ def _part_from_base(spec: mujoco.MjSpec) -> None:
             spec.add_exclude(bodyname1=one, bodyname2=other)
 
 
+def _part_overlapping(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Exclude contacts of links that overlap whatever the pose: they would push each other apart without end."""
+    random, data, pose = np.random.default_rng(0), mujoco.MjData(model), home(model)
+    pairs = _overlapping(model, data, pose)
+    for _ in range(POSES):
+        if not pairs:
+            return
+        for joint in scalar_joints(model):
+            turn = math.pi if model.jnt_type[joint] == HINGE else 0.0
+            low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-turn, turn)
+            pose[model.jnt_qposadr[joint]] = random.uniform(low, high)
+        follow(model, pose)
+        pairs &= _overlapping(model, data, pose)
+    for one, other in sorted(pairs):
+        spec.add_exclude(bodyname1=model.body(one).name, bodyname2=model.body(other).name)
+
+
+def _overlapping(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> set[tuple[int, int]]:
+    """Pairs of bodies that are inside each other at `qpos` (nq,)."""
+    data.qpos[:] = pose
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    deep = data.contact.geom[data.contact.dist < 0.0]
+    return {(min(pair), max(pair)) for pair in model.geom_bodyid[deep].tolist()}
+
+
 def _floats(spec: mujoco.MjSpec) -> bool:
     """Whether the description itself lets its root move freely."""
     root = spec.worldbody.first_body()
     return root is not None and any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in root.joints)
 
 
-def _set_afloat(spec: mujoco.MjSpec) -> None:
-    """Let the root move freely, and put the robot onto a floor, in the pose in which episodes begin."""
-    root = spec.worldbody.first_body()
-    if not _floats(spec):
-        root.add_freejoint()
-    model = spec.compile()
-    data = mujoco.MjData(model)
+def _put_on_floor(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Put the robot onto a floor, in the pose in which episodes begin."""
+    root, data = spec.worldbody.first_body(), mujoco.MjData(model)
     data.qpos[:] = home(model)
     mujoco.mj_kinematics(model, data)
     lowest: list[float] = []
