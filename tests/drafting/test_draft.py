@@ -390,7 +390,7 @@ def test_a_closed_loop_starts_closed(tmp_path: Path):
 BALL_BOT = """
 <mujoco>
   <worldbody>
-    <geom type="plane" size="2 2 0.1"/>
+    <geom type="plane" size="2 2 0.1" pos="0 0 {ground}"/>
     <body name="trunk" pos="0 0 {height}"><freejoint/><geom type="box" size="0.2 0.1 0.05"/>
       <body name="leg" pos="0.2 0 0"><joint name="hip" axis="0 1 0" range="-60 60"/>
         <geom type="capsule" fromto="0 0 0 0.2 0 -0.3" size="0.02"/>
@@ -405,20 +405,26 @@ BALL_BOT = """
 """
 
 
-@pytest.mark.parametrize("height", [0.32, 1.0])
-def test_a_robot_has_fallen_when_it_is_low_against_where_it_stands(tmp_path: Path, height: float):
-    robot = odd(tmp_path, BALL_BOT.format(height=height))
+@pytest.mark.parametrize(("height", "ground"), [(0.32, 0.0), (1.0, 0.0), (0.0, -0.32)])
+def test_a_robot_has_fallen_when_it_is_low_against_where_it_stands(tmp_path: Path, height: float, ground: float):
+    robot = odd(tmp_path, BALL_BOT.format(height=height, ground=ground))
     simulation = make(drafted(tmp_path, robot), worlds=4)
     simulation.reset()
     for _ in range(100):
         assert not bool(simulation.step(torch.zeros(4, 2)).done.any()), "a robot that stands still counts as fallen"
     # The feet are 0.3 m below the trunk and have a radius of 0.02 m, so it stands 0.32 m high.
     fallen = float(simulation.task.ends.split()[-2])
-    assert fallen == pytest.approx(0.6 * 0.32, abs=0.003)
+    assert fallen == pytest.approx(ground + 0.6 * 0.32, abs=0.003)
+
+
+def test_a_robot_is_dropped_as_its_task_steps_it(tmp_path: Path):
+    """Euler's method would fling these legs about before they land; the task steps with another."""
+    robot = odd(tmp_path, BALL_BOT.format(height=1.0, ground=0.0).replace('kv="2"', 'kv="2000"'))
+    assert float(get(drafted(tmp_path, robot)).ends.split()[-2]) == pytest.approx(0.6 * 0.32, abs=0.003)
 
 
 def test_a_robot_on_the_ground_starts_above_it_however_it_sways(tmp_path: Path):
-    simulation = make(drafted(tmp_path, odd(tmp_path, BALL_BOT.format(height=0.32))), worlds=64)
+    simulation = make(drafted(tmp_path, odd(tmp_path, BALL_BOT.format(height=0.32, ground=0.0))), worlds=64)
     simulation.reset()
     deepest = 0.0
     for world in range(64):
@@ -427,12 +433,21 @@ def test_a_robot_on_the_ground_starts_above_it_however_it_sways(tmp_path: Path):
     assert deepest > -1e-3
 
 
+LOW_BOT = BALL_BOT.format(height=-0.65, ground=-0.97)
+
+
 @pytest.mark.parametrize(
-    ("height", "ends"), [(0.1, ""), (2.0, "An episode ends early when frame is lower than 0.6 m.")]
+    ("robot", "height", "ends"),
+    [
+        (DRONE, 0.1, ""),
+        (DRONE, 2.0, "An episode ends early when frame is lower than 0.6 m."),
+        (LOW_BOT, -0.9, ""),
+        (LOW_BOT, -0.65, "An episode ends early when trunk is lower than -0.778 m."),
+    ],
 )
-def test_what_shall_come_near_the_ground_may(tmp_path: Path, height: float, ends: str):
+def test_what_shall_come_near_the_ground_may(tmp_path: Path, robot: str, height: float, ends: str):
     target = f'<site name="target" pos="1 0 {height}"/></worldbody>'
-    task = get(drafted(tmp_path, odd(tmp_path, DRONE.replace("</worldbody>", target))))
+    task = get(drafted(tmp_path, odd(tmp_path, robot.replace("</worldbody>", target))))
     assert (task.ends, task.counts_early) == (ends, bool(ends))
 
 

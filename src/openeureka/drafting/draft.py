@@ -20,6 +20,7 @@ import numpy as np
 from ..errors import TaskError
 from ..tasks.anatomy import columns, named
 from ..tasks.start import SWAY, at_start, sway
+from ..tasks.task import INTEGRATOR
 from ..tasks.urdf import read_urdf
 from ..text import nameable
 from .aim import Aim, find_aim
@@ -33,7 +34,9 @@ CONTROL_DT = 0.02
 SECONDS = 10.0
 """[s] of an episode."""
 ABOVE = 1.25
-"""A goal lower than this many times the height of a fall asks the robot to be low: then a fall ends no episode."""
+"""A goal that is lower than this many times the height of a fall asks the robot to be low: then a fall ends no episode.
+
+Both count from the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +143,7 @@ def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
     mujoco.set_mju_user_warning(_ignore)
     try:
         spec = read_urdf(robot, floating=floating) if urdf else mujoco.MjSpec.from_file(str(robot))
+        spec.option.integrator = INTEGRATOR
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         said = " ".join(str(error).split())
@@ -169,11 +173,15 @@ def _observed(variable: Variable) -> str:
     return f's["{variable.name}"]' + ("" if whole else f"[:, {columns(variable.seen)}]")
 
 
-def _fallen(survey: Survey, aim: Aim) -> float:
-    """[m] height of the base below which an episode ends; 0 where there is no F, or the robot's goal is that low."""
-    low = aim.goal is not None and aim.mover is not None and survey.is_robots(aim.mover)
-    low = low and aim.goal is not None and survey.where(aim.goal)[2] < ABOVE * survey.fallen
-    return 0.0 if aim.missing or low else survey.fallen
+def _fallen(survey: Survey, aim: Aim) -> str:
+    """[m] z of the base below which an episode ends; empty where there is no F, or the robot's goal is that low."""
+    fallen = survey.fallen
+    if fallen is None or aim.missing:
+        return ""
+    if aim.goal is not None and aim.mover is not None and survey.is_robots(aim.mover):
+        low = survey.ground + ABOVE * (fallen - survey.ground)
+        return "" if survey.where(aim.goal)[2] < low else str(fallen)
+    return str(fallen)
 
 
 def _placed(model: mujoco.MjModel) -> list[str]:

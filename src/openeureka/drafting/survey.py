@@ -25,15 +25,17 @@ from ..tasks.anatomy import (
     own_joints,
     upwards,
 )
-from ..tasks.start import at_start, depths, home
+from ..tasks.start import at_start, footing, home
 from .controls import controls, is_bounded, servo_range
 
 FALLEN = 0.6
-"""A robot has fallen when its base is below this share of its standing height."""
+"""A robot has fallen when its base is below this share of its standing height above the ground."""
 SETTLED = 1.0
 """[s] within which a robot that is drawn above the ground lands on it."""
 MOST_LINKS = 8
 """Ends of limbs, at most, whose positions are state variables."""
+_BROKEN = tuple(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}") for what in ("QPOS", "QVEL", "QACC"))
+"""What MuJoCo warns of where physics diverges, before it resets the state."""
 _SHAPELESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 
 
@@ -86,23 +88,34 @@ class Survey:
         return tuple((self._data.xmat[self.base].reshape(3, 3)[2].round(4) + 0.0).tolist())
 
     @cached_property
-    def fallen(self) -> float:
-        """[m] height of the base below which a robot has fallen; 0 for one that cannot fall."""
-        height = self._standing() if self.base is not None and self.rises else 0.0
-        return round(FALLEN * height, 3) if height > 0.05 else 0.0
+    def fallen(self) -> float | None:
+        """[m] z of the base below which a robot has fallen; None for one that cannot fall."""
+        if self.base is None or not self.rises:
+            return None
+        ground, standing = self._landing
+        return round(ground + FALLEN * (standing - ground), 3) + 0.0 if standing - ground > 0.05 else None
 
-    def _standing(self) -> float:
-        """[m] height of the base when the robot, drawn above the ground, first touches it under actions of 0."""
+    @property
+    def ground(self) -> float:
+        """[m] z of what the robot lands on; 0 where it does not."""
+        return self._landing[0]
+
+    @cached_property
+    def _landing(self) -> tuple[float, float]:
+        """[m] z of the ground and of the base when the robot, drawn above it, first touches it under actions of 0."""
         assert self.base is not None
         model, data = self.model, mujoco.MjData(self.model)
         data.qpos[:] = self._home
         data.ctrl[:] = [(control.low + control.high) / 2.0 for control in controls(model)]
-        for _ in range(math.ceil(SETTLED / model.opt.timestep)):  # MuJoCo resets `data.time` where physics diverges
+        for _ in range(math.ceil(SETTLED / model.opt.timestep)):
             mujoco.mj_step1(model, data)
-            if depths(model, data, self.base):
-                return min(self.height, float(data.xpos[self.base, 2]))
+            if any(data.warning[kind].number for kind in _BROKEN):
+                break
+            if feet := footing(model, data, self.base):
+                ground = min(foot.pos[2] - foot.dist / 2.0 for foot in feet)  # a contact is midway between surfaces
+                return float(ground), min(self.height, float(data.xpos[self.base, 2]))
             mujoco.mj_step2(model, data)
-        return self.height  # it hovers, or falls for good
+        return 0.0, self.height  # it hovers, falls for good or breaks apart
 
     @property
     def height(self) -> float:

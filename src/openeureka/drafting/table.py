@@ -134,7 +134,7 @@ class StateTable:
         meaning = f"speed of {called} along x [m/s]"
         yield Variable(name="forward_speed", value=value, meaning=meaning, use="directional")
         meaning = f"height of {called} [m], {self.survey.height:.4g} at the start"
-        value, seen = f"self.xpos[:, self.{index}, 2].clone()", (0,) if self.survey.fallen else ()
+        value, seen = f"self.xpos[:, self.{index}, 2].clone()", () if self.survey.fallen is None else (0,)
         yield Variable(name="height", value=value, meaning=meaning, use="directional", seen=seen)
         value = f"rotate(xyzw(self.xquat[:, self.{index}]), self.up)[:, 2]"
         meaning = f"cosine of the tilt of {called} against its start"

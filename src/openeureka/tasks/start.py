@@ -63,16 +63,16 @@ def _sunk(model: mujoco.MjModel, carrier: int, pose: np.ndarray, room: np.ndarra
     for signs in random.choice((-1.0, 1.0), size=(_SWAYS, model.nq)):
         data.qpos[:] = pose + room * signs
         mujoco.mj_fwdPosition(model, data)
-        deepest = max(deepest, *depths(model, data, carrier), 0.0)
+        deepest = max(deepest, *(-contact.dist for contact in footing(model, data, carrier)), 0.0)
     return deepest if deepest < _MOST_LIFT else 0.0
 
 
-def depths(model: mujoco.MjModel, data: mujoco.MjData, carrier: int) -> list[float]:
-    """[m] Depth of each contact between the bodies that `carrier` carries and fixed ones."""
-    found: list[float] = []
+def footing(model: mujoco.MjModel, data: mujoco.MjData, carrier: int) -> list[mujoco.MjContact]:
+    """Each contact between the bodies that `carrier` carries and fixed ones."""
+    found: list[mujoco.MjContact] = []
     for contact in data.contact[: data.ncon]:
         bodies = model.geom_bodyid[contact.geom[contact.geom >= 0]]  # -1 for soft bodies
         fixed, own = model.body_weldid[bodies] == 0, model.body_rootid[bodies] == carrier
         if fixed.any() and own.any():
-            found.append(-float(contact.dist))
+            found.append(contact)
     return found

@@ -28,6 +28,10 @@ State = Mapping[str, Any]
 a step, a task that has an `outcome` adds it (see `Task.outcome`)."""
 
 
+INTEGRATOR = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+"""How physics is stepped, whatever the model's file says."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
     """A task's PPO defaults (Eureka's rl_games settings, adapted to one CPU or GPU; see docs/concepts/benchmark.md)."""
@@ -306,7 +310,7 @@ class Task(ABC):
                 " return a mujoco.MjSpec, as mujoco.MjSpec.from_file does."
             )
         spec.option.timestep = cls.control_dt / cls.substeps
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.integrator = INTEGRATOR
         try:
             return spec, spec.compile()
         except ValueError as error:  # such as for a missing mesh
