@@ -217,6 +217,16 @@ def test_no_point_is_made_up_for_what_a_loop_holds(equality: str):
     assert find_aim(survey(LOOP.format(equality.replace("/>", ' active="false"/>')))).point
 
 
+def test_a_goal_that_is_reached_already_is_said_before_what_else_is_in_the_way():
+    looped = LOOP.format('<connect site1="tip" site2="end"/>').replace(
+        "</worldbody>", '<site name="goal" pos="0.6 0 0"/></worldbody>'
+    )
+    missing = find_aim(survey(looped)).missing
+    assert missing.startswith(
+        "tip is at goal from the start: move one of them, in the model or in `reset`; besides, an "
+    )
+
+
 def test_a_joint_that_follows_another_is_where_that_brings_it():
     # The hand turns back as far as the arm turns, so it keeps its direction. Its tip moves on a circle about (0.3, 0).
     held = survey(LOOP.format('<joint joint1="bend" joint2="turn" polycoef="0 -1 0 0 0"/>'))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,6 +93,7 @@ def _by_name(survey: Survey, name: str) -> Point:
 def _likely_aim(survey: Survey) -> Aim:
     """Without a sentence: an object to a goal, else the robot to a goal, else forward, else a point within reach."""
     objects = [thing for thing in survey.objects if "goal" not in _words(thing.name)]  # a goal may slide too
+    there = ""
     for mover in (*objects, _default_mover(survey)):
         if marks := _marks(survey, mover):
             movers = objects or [mover]
@@ -101,8 +102,11 @@ def _likely_aim(survey: Survey) -> Aim:
             aim = _bring(survey, mover, _fitting(mover, marks))
             if not aim.there:
                 return aim
+            there = aim.doubt.removesuffix(".")
             break
-    return _run(survey) if survey.base is not None else _reach_a_point(survey, _tip(survey))
+    aim = _run(survey) if survey.base is not None else _reach_a_point(survey, _tip(survey))
+    # That the goal is reached comes first: a person can mend it.
+    return replace(aim, missing=f"{there}; besides, {aim.missing}") if aim.missing and there else aim
 
 
 def _run(survey: Survey) -> Aim:
