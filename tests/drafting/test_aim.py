@@ -217,6 +217,15 @@ def test_no_point_is_made_up_for_what_a_loop_holds(equality: str):
     assert find_aim(survey(LOOP.format(equality.replace("/>", ' active="false"/>')))).point
 
 
+def test_a_hand_that_a_mocap_body_holds_is_said_not_to_move():
+    held = LOOP.format('<weld body1="grip" body2="hand"/>').replace(
+        "</worldbody>", '<site name="goal" pos="0.5 0.2 0"/></worldbody>'
+    )
+    doubt = find_aim(survey(held), "to reach the goal").doubt
+    assert doubt.startswith("hand is tied to the mocap body grip, which actions do not move: delete that equality, or")
+    assert find_aim(survey(held.replace('body2="hand"/>', 'body2="rod"/>')), "to reach the goal").doubt == ""
+
+
 def test_a_goal_that_is_reached_already_is_said_before_what_else_is_in_the_way():
     looped = LOOP.format('<connect site1="tip" site2="end"/>').replace(
         "</worldbody>", '<site name="goal" pos="0.6 0 0"/></worldbody>'

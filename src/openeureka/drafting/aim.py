@@ -156,6 +156,11 @@ def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     there, doubt = distance < reached, ""
     if there:
         doubt = f"{mover.name} is at {goal.name} from the start: move one of them, in the model or in `reset`."
+    elif tied := survey.mooring(hand or mover):
+        doubt = (
+            f"{tied[0]} is tied to the mocap body {tied[1]}, which actions do not move: delete that equality, or bind "
+            "`mocap_pos` in `__init__` and move it in `apply_action`."
+        )
     elif survey.is_robots(mover) and survey.base is None and not survey.is_held(mover):
         reach = survey.reach(mover, POSES)
         least = float(np.linalg.norm(reach - survey.where(goal), axis=1).min()) if not survey.moves(goal) else 0.0

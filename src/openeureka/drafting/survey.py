@@ -20,6 +20,7 @@ from ..tasks.anatomy import (
     driven_trees,
     follow,
     looped,
+    moored,
     name_of,
     named,
     own_joints,
@@ -169,6 +170,12 @@ class Survey:
     def is_held(self, place: Point) -> bool:
         """Whether an equality ties joints that carry it, so that their positions alone do not say where it goes."""
         return bool(carrying(self.model, place.body) & looped(self.model))
+
+    def mooring(self, place: Point) -> tuple[str, str] | None:
+        """A body on the way to it that is tied to a mocap body, and the latter; None for none."""
+        joints = carrying(self.model, place.body)
+        tied = (pair for pair in moored(self.model) if carrying(self.model, pair[0]) & joints)
+        return next(((self._called(body), self._called(mocap)) for body, mocap in tied), None)
 
     def moves(self, place: Point) -> bool:
         """Whether physics moves it: a mocap body stays where it is put."""

@@ -126,9 +126,7 @@ def looped(model: mujoco.MjModel) -> set[int]:
     for equality in _equalities(model, "TENDON"):
         found |= {joint for tendon in _objects(model, equality) if tendon >= 0 for joint in _of_tendon(model, tendon)}
     for equality in _equalities(model, "CONNECT", "WELD"):
-        of_sites = model.eq_objtype[equality] == int(mujoco.mjtObj.mjOBJ_SITE)
-        ends = [int(model.site_bodyid[end]) if of_sites else end for end in _objects(model, equality)]
-        one, other = (set(_line(model, body)) for body in ends)
+        one, other = (set(_line(model, body)) for body in _ends(model, equality))
         found |= {joint for body in one ^ other for joint in own_joints(model, body)}
     return found
 
@@ -152,6 +150,23 @@ def _equalities(model: mujoco.MjModel, *kinds: str) -> list[int]:
 
 def _objects(model: mujoco.MjModel, equality: int) -> tuple[int, int]:
     return int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+
+
+def _ends(model: mujoco.MjModel, equality: int) -> tuple[int, int]:
+    """The two bodies that an equality ties."""
+    one, other = _objects(model, equality)
+    if model.eq_objtype[equality] == int(mujoco.mjtObj.mjOBJ_SITE):
+        return int(model.site_bodyid[one]), int(model.site_bodyid[other])
+    return one, other
+
+
+def moored(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Bodies that an equality ties to a mocap body, each with that body."""
+    found: list[tuple[int, int]] = []
+    for equality in _equalities(model, "CONNECT", "WELD"):
+        one, other = _ends(model, equality)
+        found += [(a, b) for a, b in ((one, other), (other, one)) if model.body_mocapid[b] >= 0]
+    return found
 
 
 def carrying(model: mujoco.MjModel, body: int) -> set[int]:
