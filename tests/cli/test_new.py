@@ -155,6 +155,17 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
     assert "But under random actions its physics broke down" in printed and advice in printed
 
 
+def test_a_urdf_with_placeholders_for_limits_is_said_to_have_them(robot, capsys):
+    inertia = "<inertia ixx='1e-4' iyy='1e-4' izz='1e-4' ixy='0' ixz='0' iyz='0'/>"
+    inertial = f"<inertial><mass value='1'/>{inertia}</inertial>"
+    (robot / "leg.urdf").write_text(f"""<robot name="leg"><link name="base"/><link name="leg">{inertial}</link>
+      <joint name="hip" type="continuous"><parent link="base"/><child link="leg"/><axis xyz="0 1 0"/>
+        <limit effort="1e9" velocity="1e9"/></joint></robot>""")
+    assert run("new", "leg.py", "model=leg.urdf") == 0
+    said = "Check the effort and velocity limits of its joints: the largest effort is 1e+09 for a robot of 1 kg.\n"
+    assert said in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "code", "problem"),
     [

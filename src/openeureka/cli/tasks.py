@@ -177,7 +177,7 @@ def new(words: Sequence[str]) -> None:
     if drafted.guessed:
         _say_what_is_guessed(path, drafted.guessed)
     if moved.bad:
-        _say_what_breaks(moved.bad, at_rest=rest.bad > 0)
+        _say_what_breaks(moved.bad, drafted.excess, at_rest=rest.bad > 0)
     elif rest.ended:
         _say_what_falls(path, STEPS * task.control_dt)
     print("Read it, and write what the robot should do. Then")
@@ -232,9 +232,11 @@ def _say_what_is_guessed(path: Path, actuators: Sequence[str]) -> None:
     print(f"The model gives no control range for {first}{more}: -1 to 1 is a guess, so set CONTROLS in {path}.")
 
 
-def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
+def _say_what_breaks(bad: int, excess: str, *, at_rest: bool) -> None:
     print(f"But under random actions its physics broke down {bad} times in {TRIED} x {STEPS} steps.")
-    if at_rest:
+    if excess:
+        print(f"Check the effort and velocity limits of its joints: {excess}.")
+    elif at_rest:
         print("It also does so without actions: check the starting pose, and try more substeps.")
     else:
         print("Without actions it is stable: narrow CONTROLS, or give its joints damping and armature in `model()`.")

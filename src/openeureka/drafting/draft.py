@@ -33,6 +33,8 @@ CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""
 SECONDS = 10.0
 """[s] of an episode."""
+EXCESS = 200.0
+"""[m^2/s^2] An effort of more than this per kg of robot, 20 times its weight at 1 m, is taken for a placeholder."""
 ABOVE = 1.25
 """A goal that is lower than this many times the height of a fall asks the robot to be low: then a fall ends no episode.
 
@@ -49,6 +51,8 @@ class Draft:
     """Whether a person gave a sentence or names to guess the aim from."""
     guessed: tuple[str, ...] = ()
     """Actuators whose ranges are guessed, as the model gives none."""
+    excess: str = ""
+    """For a URDF whose effort limits are out of all proportion to its mass: both in words."""
 
     @property
     def line(self) -> int:
@@ -121,7 +125,14 @@ def draft(
         episode=max(2, round(SECONDS / (substeps * timestep))),
         model=model,
     )
-    return Draft(text, aim, bool(intent.strip() or thing or goal), guessed)
+    return Draft(text, aim, bool(intent.strip() or thing or goal), guessed, _excess(model) if urdf else "")
+
+
+def _excess(model: mujoco.MjModel) -> str:
+    """The largest effort of a model from a URDF and its mass, where the effort lifts far more than that at 1 m."""
+    efforts = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], model.actuator_gear[:, 0])
+    effort, mass = float(efforts.max()), float(model.body_mass.sum())
+    return f"the largest effort is {effort:g} for a robot of {mass:.2g} kg" if effort > EXCESS * mass else ""
 
 
 def class_name(path: Path) -> str:
