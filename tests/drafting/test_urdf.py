@@ -133,6 +133,12 @@ def test_what_is_wrong_with_a_urdf_is_one_sentence(arm: Path, before: str, after
     assert "\n" not in str(caught.value)
 
 
+def test_a_robot_without_joints_needs_motors_that_a_urdf_cannot_name(tmp_path: Path):
+    (tmp_path / "drone.urdf").write_text(f'<robot name="drone"><link name="frame">{INERTIAL}</link></robot>')
+    with pytest.raises(TaskError, match="has no joint that a motor could move; a drone's propellers need a MuJoCo"):
+        read_urdf(tmp_path / "drone.urdf", floating=True)
+
+
 def test_a_joint_of_any_speed_is_not_damped(arm: Path):
     arm.write_text(ARM.replace('velocity="4"', 'velocity="inf"'))
     assert read_urdf(arm).joint("shoulder").damping[0] == 0.0

@@ -18,6 +18,8 @@ STIFFNESS = 4.0
 POSES = 50
 """Random poses, besides the one at the start, in all of which two links overlap that never collide."""
 _MESHES = (".stl", ".obj", ".msh")
+_DRIVEN = ("revolute", "continuous", "prismatic")
+"""Types of joints that a motor may move."""
 _LEAST = 1e-6
 """[kg], [kg m^2] that MuJoCo needs for anything that moves; URDFs leave out the inertia of mere frames."""
 
@@ -35,8 +37,8 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
             the world, as arms are.
 
     Raises:
-        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint has an effort limit, or
-            one mimics a joint that does not exist.
+        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint can move or has an effort
+            limit, or one mimics a joint that does not exist.
     """
     path = Path(path).resolve()
     if not path.is_file():
@@ -59,6 +61,11 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     except (ValueError, mujoco.FatalError) as error:
         raise _unreadable(path, error) from None
     _actuate(spec, robot)
+    if not spec.actuators and not any(joint.get("type") in _DRIVEN for joint in robot.iter("joint")):
+        raise TaskError(
+            f"{path} has no joint that a motor could move; a drone's propellers need a MuJoCo model with a motor at a "
+            "site."
+        )
     if not spec.actuators:
         raise TaskError(
             f"No joint of {path} has a <limit> with an effort above zero, so the robot has no actuators; add such "
@@ -128,7 +135,7 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
                 f"Joint {name} mimics {mimic.get('joint', '')!r:.60}, which is not a joint; correct its name."
             )
         # A joint that mimics another is held to it by an equality, which MuJoCo's own reader adds.
-        if joint.get("type") not in ("revolute", "continuous", "prismatic") or mimic is not None:
+        if joint.get("type") not in _DRIVEN or mimic is not None:
             continue
         low, high, effort, speed = (_number(limit, key, name) for key in ("lower", "upper", "effort", "velocity"))
         if effort <= 0.0:
