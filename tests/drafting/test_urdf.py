@@ -88,6 +88,22 @@ def test_meshes_are_found_where_packages_have_them_and_unreadable_pictures_left_
     assert read_urdf(elsewhere).compile().nmesh == 1
 
 
+def test_what_mujoco_cannot_read_is_left_out_where_it_is_only_seen(arm: Path):
+    (arm.parent / "text.stl").write_text("solid seen\nendsolid seen\n" + " " * 99)
+    for shape in ('<mesh filename="text.stl"/>', '<sphere radius="0.0"/>', '<box size="1 0 1"/>'):
+        arm.write_text(ARM.replace('<mesh filename="package://robots/arm/meshes/base.dae"/>', shape))
+        assert read_urdf(arm).compile().nmesh == 1
+    arm.write_text(ARM.replace("package://robots/arm/meshes/upper.stl", "text.stl"))
+    with pytest.raises(TaskError, match=r"collision mesh text.stl of .*; convert it to a binary STL"):
+        read_urdf(arm)
+
+
+def test_a_binary_mesh_that_begins_like_a_text_is_read(arm: Path):
+    mesh = arm.parents[1] / "meshes" / "upper.stl"
+    mesh.write_bytes(b"solid" + mesh.read_bytes()[5:])
+    assert read_urdf(arm).compile().nmesh == 1
+
+
 def test_a_floating_robot_stands_on_a_floor(arm: Path):
     fixed, afloat = read_urdf(arm).compile(), read_urdf(arm, floating=True).compile()
     assert afloat.nv == fixed.nv + 6
@@ -115,7 +131,11 @@ def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: b
     ("before", "after", "problem"),
     [
         ("upper.stl", "lower.stl", "meshes/lower.stl of .* is neither in its folder nor in one above it"),
-        ("upper.stl", "base.dae", "MuJoCo cannot read the collision mesh .*meshes/base.dae of .*; convert it to STL"),
+        (
+            "upper.stl",
+            "base.dae",
+            "MuJoCo cannot read the collision mesh .*/base.dae of .*; convert it to a binary STL",
+        ),
         ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
         ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is not a number"),
         ('effort="20"', 'effort="inf"', "The limit effort='inf' of joint shoulder is not finite; write a finite"),

@@ -133,7 +133,7 @@ class StateTable:
             value = f"{backwards}self.qvel[:, self.dofs][:, {scalar_joints(self.model).index(joint)}]"
         meaning = f"speed of {called} along x [m/s]"
         yield Variable(name="forward_speed", value=value, meaning=meaning, use="directional")
-        meaning = f"height of {called} [m], {self.survey.height:.4g} at the start"
+        meaning = f"height of {called} [m], {round(self.survey.height, 4):g} at the start"
         value, seen = f"self.xpos[:, self.{index}, 2].clone()", () if self.survey.fallen is None else (0,)
         yield Variable(name="height", value=value, meaning=meaning, use="directional", seen=seen)
         value = f"rotate(xyzw(self.xquat[:, self.{index}]), self.up)[:, 2]"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -91,15 +92,17 @@ def _unreadable(path: Path, error: Exception) -> TaskError:
 
 
 def _find_meshes(link: ElementTree.Element, path: Path) -> None:
-    """Write where a link's meshes are into it, and drop visual ones that MuJoCo cannot read."""
+    """Write where a link's meshes are into it, and drop visual shapes that MuJoCo cannot read."""
     for kind in ("visual", "collision"):
         for part in link.findall(kind):
             mesh = part.find("geometry/mesh")
             if mesh is None:
+                if kind == "visual" and _is_empty(part):
+                    link.remove(part)
                 continue
             name = mesh.get("filename", "")
             found = _mesh(name, path)
-            if found is not None and found.suffix.lower() in _MESHES:
+            if found is not None and found.suffix.lower() in _MESHES and not _is_text(found):
                 mesh.set("filename", str(found))
             elif kind == "visual":
                 link.remove(part)
@@ -108,7 +111,23 @@ def _find_meshes(link: ElementTree.Element, path: Path) -> None:
                     f"The collision mesh {name} of {path} is neither in its folder nor in one above it; put it there."
                 )
             else:
-                raise TaskError(f"MuJoCo cannot read the collision mesh {name} of {path}; convert it to STL.")
+                raise TaskError(f"MuJoCo cannot read the collision mesh {name} of {path}; convert it to a binary STL.")
+
+
+def _is_empty(part: ElementTree.Element) -> bool:
+    """Whether a shape has a length of zero."""
+    shapes = part.iterfind("geometry/*")
+    lengths = (size for shape in shapes for key in ("radius", "length", "size") for size in shape.get(key, "1").split())
+    return any(re.fullmatch(r"0*\.?0*", length) for length in lengths)
+
+
+def _is_text(mesh: Path) -> bool:
+    """Whether an STL is written as text, which MuJoCo does not read. Binary ones may begin with `solid` too, but have a
+    length of 84 bytes and 50 for each triangle."""
+    with mesh.open("rb") as file:
+        head = file.read(84)
+    binary = len(head) == 84 and mesh.stat().st_size == 84 + 50 * int.from_bytes(head[80:], "little")
+    return mesh.suffix.lower() == ".stl" and head.lstrip().startswith(b"solid") and not binary
 
 
 def _mesh(name: str, path: Path) -> Path | None:
