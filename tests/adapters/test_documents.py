@@ -72,6 +72,12 @@ def test_only_angles_actions_and_gaps_are_good_near_zero(words: str, use: str):
     assert documents.use_of(words) == use
 
 
+def test_a_heading_may_be_indented_by_three_spaces_as_in_markdown():
+    text = "On ice.\nCold.\n   ## Description\n   The goal is to cross.\n    # 1. code"
+    assert documents.sections(text) == {"on ice.": "Cold.", "description": "The goal is to cross.\n    # 1. code"}
+    assert "Move left" in context("gym:FrozenLake-v1").source  # each of its headings has a space before it
+
+
 def test_figures_padding_and_tables_that_repeat_are_left_out():
     known = {"height_of_torso", "angle_of_torso"}
     heading = "## Observation space\n\nThe elements are as follows:\n\n"

@@ -53,7 +53,7 @@ GOALS = {
 def sections(text: str) -> dict[str, str]:
     """The documentation's sections by title in lower case. Text before the first title has its first line as title."""
     found: dict[str, str] = {}
-    for part in re.split(r"^#+ *", inspect.cleandoc(text), flags=re.MULTILINE):
+    for part in re.split(r"^ {0,3}#+ *", inspect.cleandoc(text), flags=re.MULTILINE):
         title, _, body = part.partition("\n")
         found.setdefault(title.strip().lower(), body.strip())
     return found
