@@ -20,7 +20,7 @@ from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from ...errors import TaskError, nearest
 from ...parsing import literal
-from ...tasks.faults import told, told_where
+from ...tasks.faults import told_where
 from ...tasks.task import Task
 from .families import FAMILIES
 from .formula import named
@@ -151,14 +151,14 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
             ) from None
         except error.Error as fault:
             if bare in gymnasium.registry:
-                raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
+                raise TaskError(f"The environment `{name}` cannot be made: {told_where(fault)}") from fault
             raise TaskError(f"Gymnasium has no `{bare}`.{_hints(package, bare, fault)}") from None
         except ModuleNotFoundError as fault:
             raise TaskError(
                 f"`{name}` needs the module `{fault.name}`: install it, or set PYTHONPATH to its folder."
             ) from None
         except (Exception, SystemExit) as fault:
-            said = _untaken(bare, keywords, fault) or told(fault)
+            said = _untaken(bare, keywords, fault) or told_where(fault)
             raise TaskError(f"The environment `{name}` cannot be made: {said}") from fault
 
 
