@@ -195,7 +195,9 @@ def _maker(spec: Any) -> Any:
 
 def _hints(package: str, bare: str, fault: Exception) -> str:
     """What may be meant, and what else may be wrong."""
-    near = nearest(bare, gymnasium.registry)
+    tail = bare.rpartition("/")[2]
+    same = [known for known in gymnasium.registry if known.rpartition("/")[2] == tail]
+    near = nearest(same[0] if same else bare, gymnasium.registry)
     if isinstance(fault, error.DeprecatedEnv):
         return f"{near} {_line(fault)}"
     return near if package else f"{near} If a package registers it, name the package first: gym:PACKAGE:ID."
