@@ -267,6 +267,8 @@ def test_a_strangers_package_is_imported_first():
         ("gym:Hoper-v5", "Gymnasium has no `Hoper-v5`. Did you mean `Hopper-v5`?"),
         ("gym:Cells-v0", "Gymnasium has no `Cells-v0`. Did you mean `Openeureka/Cells-v0`?"),
         ("gym:no_such_package:X-v0", "needs the module `no_such_package`: install it, or set PYTHONPATH"),
+        ("gym:typing-extensions:X-v0", "the installed one is called `typing_extensions`, so write that."),
+        ("gym:no-such-package:X-v0", "needs the module `no-such-package`: install it, or set PYTHONPATH"),
         ("gym:my_env.py:My-v0", "gym: takes a module, not a file: use gym:my_env:My-v0, and put the file's folder on"),
         ("gym:Pong-v0", "Gymnasium has no `Pong-v0`. If a package registers it"),
         ("gym:", "Name an environment of Gymnasium after gym:, for example env=gym:CartPole-v1."),

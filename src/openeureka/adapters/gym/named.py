@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-import importlib
+import importlib.util
 import inspect
 import json
 import re
@@ -154,12 +154,19 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
                 raise TaskError(f"The environment `{name}` cannot be made: {told_where(fault)}") from fault
             raise TaskError(f"Gymnasium has no `{bare}`.{_hints(package, bare, fault)}") from None
         except ModuleNotFoundError as fault:
-            raise TaskError(
-                f"`{name}` needs the module `{fault.name}`: install it, or set PYTHONPATH to its folder."
-            ) from None
+            raise TaskError(f"`{name}` needs the module `{fault.name}`: {_importable(fault.name or '')}") from None
         except (Exception, SystemExit) as fault:
             said = _untaken(bare, keywords, fault) or told_where(fault)
             raise TaskError(f"The environment `{name}` cannot be made: {said}") from fault
+
+
+def _importable(module: str) -> str:
+    """What to do about a module that is not found. A package may be installed under a name with `-`, which no module
+    has."""
+    called = module.replace("-", "_")
+    if called != module and importlib.util.find_spec(called):
+        return f"the installed one is called `{called}`, so write that."
+    return "install it, or set PYTHONPATH to its folder."
 
 
 def _parameters(name: str) -> Collection[str]:
