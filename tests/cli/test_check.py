@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.cli.tasks import check
+from openeureka.cli.tasks import check, context
 from openeureka.errors import RewardFileError
 
 GOOD = """
@@ -33,13 +33,26 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_p
     assert "did you mean `pole_angle`?" in lines[1]
 
 
-def test_what_a_task_prints_is_no_part_of_the_verdict(tmp_path, capsys):
+PRINTS = """import ctypes
+import os
+print("python")
+os.write(1, b"descriptor\\n")
+ctypes.CDLL(None).puts(b"library")
+"""
+
+
+def test_what_a_task_prints_is_no_part_of_the_answer(tmp_path, capfd):
     task = (Path(__file__).parents[2] / "examples" / "pendulum.py").read_text()
-    (tmp_path / "mine.py").write_text(task.replace("self.qpos[worlds] =", "print('reset'); self.qpos[worlds] =", 1))
+    (tmp_path / "mine.py").write_text(task.replace("\nimport", f"\n{PRINTS}import", 1))
     (tmp_path / "good.py").write_text(GOOD.replace("pole_angle", "angle"))
     assert check([f"env={tmp_path}/mine.py", f"{tmp_path}/good.py"], as_json=True) == 0
-    printed = capsys.readouterr()
-    assert json.loads(printed.out)["verdict"] == "accepted" and "reset\n" in printed.err
+    printed = capfd.readouterr()
+    assert json.loads(printed.out)["verdict"] == "accepted"
+    assert {"python", "descriptor", "library"} <= set(printed.err.split())
+    (tmp_path / "another.py").write_text((tmp_path / "mine.py").read_text())
+    context([f"env={tmp_path}/another.py"])
+    printed = capfd.readouterr()
+    assert printed.out.startswith("Task: ") and "library" not in printed.out and "library" in printed.err
 
 
 def test_a_missing_or_binary_file_is_named(tmp_path):

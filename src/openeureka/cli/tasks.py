@@ -6,11 +6,10 @@ import dataclasses
 import json
 import os
 import shutil
-import sys
 import textwrap
 import warnings
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +33,7 @@ from ..tasks.task import Task
 from ..text import plain
 from ..types import StateVar
 from .settings import CheckConfig, ContextConfig, NewConfig, only_path, split
+from .terminal import aside
 
 INDENT = "    "
 TRIED, STEPS = 8, 25
@@ -96,12 +96,13 @@ def _baselines(env: str) -> tuple[float | None, float | None]:
 def context(words: Sequence[str]) -> None:
     """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    try:
-        recorded = record_states(env)
-    except TaskError as fault:  # F is not written yet: whoever writes it needs to see the state
-        recorded = record_states(env, scored=False)
-        print(fault, file=sys.stderr)
-    known = informed(context_of(env), recorded, RunConfig(env=env))
+    with aside():
+        try:
+            recorded = record_states(env)
+        except TaskError as fault:  # F is not written yet: whoever writes it needs to see the state
+            recorded = record_states(env, scored=False)
+            print(fault)
+        known = informed(context_of(env), recorded, RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
     print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
 
@@ -122,8 +123,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
-    # What a task prints must not mix with the output.
-    with redirect_stdout(sys.stderr):
+    with aside():
         (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
         findings = [dataclasses.asdict(finding) for finding in verdict.findings]

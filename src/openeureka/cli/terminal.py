@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import os
 import select
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from pathlib import Path
 
 from ..config import NO_MODEL, RunConfig, short_name
@@ -25,6 +26,23 @@ from ..text import one_line, plain
 from ..types import Generation, RemarkKind, Usage, lane_id
 
 CONTROL = "model=random draws rewards at random and reads no results or feedback. It is the control for a real model."
+
+
+@contextmanager
+def aside() -> Iterator[None]:
+    """Send to stderr what a task prints, from Python or from a library in C, so that stdout holds the answer alone."""
+    with redirect_stdout(sys.stderr):
+        if None in (sys.__stdout__, sys.__stderr__):  # started with one of them closed
+            yield
+            return
+        kept = os.dup(1)
+        os.dup2(2, 1)
+        try:
+            yield
+        finally:
+            ctypes.CDLL(None).fflush(None)  # what C still holds back would come out on stdout later
+            os.dup2(kept, 1)
+            os.close(kept)
 
 
 class Terminal:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import shlex
-import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, redirect_stdout
+from contextlib import nullcontext
 from pathlib import Path
 
 from ..benchmark import bench as cells
@@ -28,7 +27,7 @@ from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
 from .settings import BenchConfig, only_path, split, trusting
 from .show import closing, facts, given_lines, robust_lines, summary, tell, tuned
-from .terminal import Terminal
+from .terminal import Terminal, aside
 
 
 def run(words: Sequence[str]) -> None:
@@ -113,7 +112,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     typed = parse(TrainConfig, words)
     get(typed.env)
     trust.remember(typed)
-    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+    with aside() if as_json else nullcontext():
         rewards = named(typed, listed(typed.reward))
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run_config(), directory, rewards)
@@ -163,7 +162,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     typed = parse(TuneConfig, words)
     get(typed.env)
     trust.remember(typed)
-    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+    with aside() if as_json else nullcontext():
         reward = to_tune(typed, typed.reward)
         if told := left_out(typed, typed.reward):
             print(plain(told))
