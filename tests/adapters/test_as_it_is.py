@@ -127,6 +127,13 @@ def test_choices_reach_the_environment_and_rewards_see_ones():
     assert state["previous_obs_buf"][0].tolist() == [1.0, 0.0, 0.0, 0.0]  # phase 0 and step 0
 
 
+def test_an_observation_that_is_a_table_is_one_variable():
+    simulation = registry.make("gym:Openeureka/Traffic-v0", worlds=2)
+    simulation.reset()
+    table = simulation.step(actions(0, 0)).state["observation"]
+    assert table.shape == (2, 3, 2) and table[1].tolist() == [[10.0, 11.0], [12.0, 13.0], [14.0, 15.0]]
+
+
 def test_the_environments_own_reward_is_no_variable():
     spec = registry.get("gym:Openeureka/Clock-v0").spec
     assert {"luck", "first", "second", "step", "phase"} <= set(spec.names)

@@ -113,6 +113,15 @@ class Pointed(Clock):
         return super().reset(seed=seed)
 
 
+class Traffic(Clock):
+    """Observes two numbers of each of three vehicles."""
+
+    observation_space = spaces.Box(-np.inf, np.inf, (3, 2))
+
+    def _seen(self):
+        return np.arange(6, dtype=np.float32).reshape(3, 2) + 10 * self.step_count
+
+
 class Eye(Clock):
     """Observes a picture."""
 
@@ -205,7 +214,7 @@ for name, maker in {"Cells": Cells, "Turned": Turned, "Heavy": Heavy, "Stacked":
     gymnasium.register(f"Openeureka/{name}-v0", entry_point=maker, max_episode_steps=20)
 
 
-for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed, Vast):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed, Vast, Traffic):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

@@ -187,7 +187,8 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
     single = found.parts[0] if len(found.parts) == 1 and not found.parts[0].path else None
     if single is not None:
         if len(single.shape) != 1:
-            return []
+            meaning = f"the observation as a table, {' x '.join(map(str, single.shape))}"
+            return [(StateVar("observation", meaning, single.shape, use="raw"), slice(0, single.size))]
         # A table of whole numbers names the numbers, not their one-hot columns.
         bare = documents.bare(found.env)
         named = documents.columns(found.document, bare, single.size) if not single.counted else []
