@@ -134,6 +134,11 @@ def test_an_observation_that_is_a_table_is_one_variable():
     assert table.shape == (2, 3, 2) and table[1].tolist() == [[10.0, 11.0], [12.0, 13.0], [14.0, 15.0]]
 
 
+def test_parts_of_a_reward_are_no_variables_under_any_of_their_names():
+    names = registry.get("gym:Openeureka/Traffic-v0").spec.names
+    assert set(names) == {"observation", "luck", "sparseness", "obs_buf", "previous_obs_buf", "actions"}
+
+
 def test_the_environments_own_reward_is_no_variable():
     spec = registry.get("gym:Openeureka/Clock-v0").spec
     assert {"luck", "first", "second", "step", "phase"} <= set(spec.names)

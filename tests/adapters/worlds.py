@@ -114,9 +114,13 @@ class Pointed(Clock):
 
 
 class Traffic(Clock):
-    """Observes two numbers of each of three vehicles."""
+    """Observes two numbers of each of three vehicles, and tells parts of its reward in `info`."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (3, 2))
+
+    def step(self, action):
+        *moment, _ = super().step(action)
+        return *moment, dict.fromkeys(("rwd_dense", "speed_bonus", "sparse", "sparseness"), 1.0)
 
     def _seen(self):
         return np.arange(6, dtype=np.float32).reshape(3, 2) + 10 * self.step_count

@@ -23,7 +23,7 @@ _ENDS = ("episode end", "episode termination", "termination")
 _TOLD = ("description", "action space", "observation space", "starting state", *_ENDS)
 _TRUNCATION = re.compile(r"^[^\w\n]*(?:\d+[.)] *)?Truncation\b.*", re.IGNORECASE | re.MULTILINE | re.DOTALL)
 """The last part of a section on how episodes end. The episode length already tells it."""
-_BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
+_BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal|rwd|bonus|\bsparse\b", re.IGNORECASE)
 _GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
 _FIGURE = re.compile(r"```\{figure\}.*?```|!\[[^\]]*\]\([^)]*\)", re.DOTALL)
