@@ -16,10 +16,11 @@ from gymnasium import spaces
 
 from openeureka.adapters.gym.documents import identifiers
 from openeureka.adapters.gym.spaces import Actions, parts
+from openeureka.config import RunConfig
 from openeureka.errors import TaskError
 from openeureka.method.prompts import facts
 from openeureka.tasks import registry
-from openeureka.tasks.context import context
+from openeureka.tasks.context import context, informed
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.task import TaskConformance
 from openeureka.training.population import Population
@@ -242,6 +243,20 @@ def test_names_come_from_the_documentation_and_no_word_of_what_counts():
     assert known.state.names[:4] == ("cart_position", "cart_velocity", "pole_angle", "pole_angular_velocity")
     assert known.description.startswith("to balance the pole")
     assert "Push cart to the left" in known.source and "reward" not in known.source.lower()
+
+
+def test_a_prompt_speaks_of_seconds_only_where_somebody_says_how_long_a_step_is():
+    def said(env: str) -> str:
+        known = informed(context(env), {}, RunConfig(env=env))
+        return " ".join(fact for fact in known.facts if fact.startswith(("An episode", "The discount")))
+
+    assert "500 steps of 0.02 s, 10 s in all" in said("gym:CartPole-v1")
+    clock = "gym:Openeureka/Clock-v0+description=to wait"
+    assert said(clock).startswith(
+        "An episode has at most 20 steps. The discount is 0.99 a step: what comes 100 steps l"
+    )
+    told = said(f"{clock}+control_dt=0.5")
+    assert "20 steps of 0.5 s, 10 s in all" in told and "100 steps (50 s) later" in told
 
 
 def test_no_prompt_says_what_f_is_made_of():

@@ -81,8 +81,8 @@ def informed(known: TaskContext, recorded: Recorded, config: RunConfig) -> TaskC
 
 def _episode(task: type[Task]) -> str:
     steps = task.time_limit()
-    length = f"An episode has at most {steps} steps of {task.control_dt:.3g} s, {steps * task.control_dt:.3g} s in all."
-    return f"{length} {task.ends}".rstrip()
+    seconds = f" of {task.control_dt:.3g} s, {steps * task.control_dt:.3g} s in all" if task.timed else ""
+    return f"An episode has at most {steps} steps{seconds}. {task.ends}".rstrip()
 
 
 def _training(task: type[Task], config: RunConfig) -> str:
@@ -119,9 +119,8 @@ def _discount(task: type[Task]) -> str:
     steps = round(1 / (1 - task.recipe.gamma))
     seconds = steps * task.control_dt
     told = f"{seconds:.0f}" if seconds >= 99.5 else f"{seconds:.2g}"  # two digits, and no exponent
-    return (
-        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps ({told} s) later counts about a third."
-    )
+    later = f"{steps} steps ({told} s)" if task.timed else f"{steps} steps"
+    return f"The discount is {task.recipe.gamma:g} a step: what comes {later} later counts about a third."
 
 
 def _scalars(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:

@@ -97,7 +97,7 @@ def variant(env: str, values: Mapping[str, object]) -> str:
     return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])
 
 
-FIXED = ("env", "suite", "source", "steps_itself", "human")
+FIXED = ("env", "suite", "source", "steps_itself", "human", "timed")
 """Attributes that a setting cannot change: they say what a task is, or hold a program, and a name may come from a
 store."""
 POSITIVE = ("episode_length", "control_dt", "substeps")
@@ -127,7 +127,8 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
         if name in POSITIVE and not values[name] > 0:  # type: ignore[operator]
             raise TaskError(f"`{name}` of `{task.env}` must be more than zero, not `{text}`.")
     # A changed attribute may bound F, such as the length of an episode, or decide when one ends.
-    said = {"score_range": (None, None), "ends": task.ends if set(values) <= {"episode_length"} else ""}
+    said: dict[str, object] = {"timed": True} if "control_dt" in values else {}
+    said |= {"score_range": (None, None), "ends": task.ends if set(values) <= {"episode_length"} else ""}
     return type(task.__name__, (task,), {"__module__": task.__module__, **said, **values})
 
 

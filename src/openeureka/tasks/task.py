@@ -134,6 +134,8 @@ class Task(ABC):
     """[steps] by which the time-out comes before episode_length: 1 in the originals of `isaac`."""
     control_dt: ClassVar[float]
     """[s] between two actions."""
+    timed: ClassVar[bool] = True
+    """Whether `control_dt` is known. If it is only a guess, no prompt speaks of seconds."""
     substeps: ClassVar[int]
     """Physics steps per action; the model's timestep is control_dt / substeps."""
     num_observations: ClassVar[int]

@@ -48,6 +48,9 @@ class Description:
     actions: Acting
     steps: int
     dt: float
+    """[s] between two actions."""
+    timed: bool
+    """Whether the environment itself says `dt`."""
     observation: tuple[tuple[str, tuple[int, ...], tuple[int, ...], tuple[int, ...]], ...]
     """Name and shape of each array; in an array of choices, also how many options each has, and the number of the first
     option. A single array may have no name."""

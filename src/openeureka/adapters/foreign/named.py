@@ -85,6 +85,7 @@ def surveyed(env: str, about: Description) -> Survey:
         actions=_actions(about.actions, env),
         steps=about.steps,
         dt=about.dt,
+        timed=about.timed,
         infos={name: shape for name, shape, _ in about.state},
         sections={},
         document=about.document,

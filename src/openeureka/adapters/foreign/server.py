@@ -190,6 +190,7 @@ class Server:
         listed = [[name, list(shape), about["meanings"].get(name, "")] for name, shape in shapes.items()]
         told = {key: value for key, value in about.items() if key not in ("meanings", "counted")}
         return {
+            "timed": True,
             **told,
             "observation": observed,
             "state": listed,

@@ -54,6 +54,7 @@ class Vector:
             "actions": actions,
             "steps": next((int(n) for n in steps if n), _LONGEST),
             "dt": next((float(t) for t in [*times, 1.0 / rate if rate else None] if t), 1.0),
+            "timed": any(times),
             "meanings": dict(getattr(env, "meanings", {})),
             "counted": dict(_counted(getattr(env, "single_observation_space", None))),
         }

@@ -35,7 +35,9 @@ class Survey:
     steps: int
     """Steps after which an episode is cut off."""
     dt: float
-    """[s] between two actions; 1 where nothing says how long."""
+    """[s] between two actions. Where nothing says how long, that of a video, or 1."""
+    timed: bool = True
+    """Whether the environment itself says `dt`."""
     infos: Mapping[str, tuple[int, ...]]
     """Numbers of `info`, with their shapes."""
     sections: Mapping[str, int]
@@ -68,13 +70,15 @@ def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) 
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
     if any((np.abs(value, dtype=np.float64) > _LARGEST).any() for value in values):
         raise TaskError(f"`{name}` observes a value beyond 3.4e38, the largest in 32 bits; wrap it to scale that down.")
+    dt = _dt(env)
     spec, told = env.spec, _is_as_documented(env)
     found = Survey(
         env=name,
         parts=seen_as,
         actions=acting,
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
-        dt=_dt(env),
+        dt=dt or _pace(env),
+        timed=dt is not None,
         infos=_shapes(infos),
         sections=_structure(env) if told else {},
         wanted=wanted,
@@ -115,11 +119,15 @@ def _own_limit(env: Env[Any, Any]) -> int | None:
     return limit if isinstance(limit, int) and limit > 0 else None
 
 
-def _dt(env: Env[Any, Any]) -> float:
+def _dt(env: Env[Any, Any]) -> float | None:
     for name in ("dt", "tau"):
         value = getattr(env.unwrapped, name, None)
         if isinstance(value, int | float | np.number) and value > 0:
             return float(value)
+    return None
+
+
+def _pace(env: Env[Any, Any]) -> float:
     rate = env.metadata.get("render_fps")
     return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
 

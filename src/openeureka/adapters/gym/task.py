@@ -219,6 +219,8 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "score_unit": "share of episodes that succeed" if succeeds else unit,
         "episode_length": found.steps,
         "control_dt": found.dt,
+        "timed": found.timed,
+        "decided": tuple(name for name in PaidTask.decided if found.timed or name != "control_dt"),
         "num_observations": found.size,
         "num_actions": found.actions.size,
         "choices": found.actions.choices,
