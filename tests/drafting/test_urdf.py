@@ -134,7 +134,7 @@ def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: b
         (
             "upper.stl",
             "base.dae",
-            "MuJoCo cannot read the collision mesh .*/base.dae of .*; convert it to a binary STL",
+            "cannot read the collision mesh .*/base.dae of .*; convert it to a binary STL",
         ),
         ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
         ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is not a number"),

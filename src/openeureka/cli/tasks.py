@@ -16,6 +16,7 @@ from typing import NamedTuple
 import torch
 
 from ..config import RunConfig
+from ..display.progress import working
 from ..drafting.draft import Draft, class_name, draft
 from ..errors import ConfigError, TaskError
 from ..method import baselines, prompts
@@ -38,6 +39,7 @@ from .terminal import aside
 INDENT = "    "
 TRIED, STEPS = 8, 25
 """Worlds and steps of random play that a draft is tried with."""
+TRYING = "Trying the task out"
 MOST_NAMED = 4
 """Actuators without a range that are named."""
 USAGE = "eureka new hopper.py model=hopper.xml"
@@ -96,7 +98,7 @@ def _baselines(env: str) -> tuple[float | None, float | None]:
 def context(words: Sequence[str]) -> None:
     """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    with aside():
+    with aside(), working(TRYING):
         try:
             recorded = record_states(env)
         except TaskError as fault:  # F is not written yet: whoever writes it needs to see the state
@@ -123,7 +125,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
-    with aside():
+    with aside(), working(TRYING):
         (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
         findings = [dataclasses.asdict(finding) for finding in verdict.findings]
