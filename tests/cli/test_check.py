@@ -1,4 +1,8 @@
 import json
+import os
+import pty
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,6 +57,18 @@ def test_what_a_task_prints_is_no_part_of_the_answer(tmp_path, capfd):
     context([f"env={tmp_path}/another.py"])
     printed = capfd.readouterr()
     assert printed.out.startswith("Task: ") and "library" not in printed.out and "library" in printed.err
+
+
+def test_a_person_sees_that_a_task_is_tried_and_a_program_does_not(tmp_path):
+    person, terminal = pty.openpty()
+    command = [sys.executable, "-m", "openeureka", "context", "env=cartpole"]
+    environment = {**os.environ, "TERM": "xterm"}
+    seen = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal, env=environment, cwd=tmp_path, check=True)
+    os.close(terminal)
+    assert b"Trying the task out" in os.read(person, 65_536) and seen.stdout.startswith(b"Task: ")
+    os.close(person)
+    quiet = subprocess.run(command, capture_output=True, env=environment, cwd=tmp_path, check=True)
+    assert (quiet.stdout, quiet.stderr) == (seen.stdout, b"")
 
 
 def test_a_missing_or_binary_file_is_named(tmp_path):

@@ -6,10 +6,11 @@ import dataclasses
 import json
 import os
 import shutil
+import sys
 import textwrap
 import warnings
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,7 +40,6 @@ from .terminal import aside
 INDENT = "    "
 TRIED, STEPS = 8, 25
 """Worlds and steps of random play that a draft is tried with."""
-TRYING = "Trying the task out"
 MOST_NAMED = 4
 """Actuators without a range that are named."""
 USAGE = "eureka new hopper.py model=hopper.xml"
@@ -98,7 +98,7 @@ def _baselines(env: str) -> tuple[float | None, float | None]:
 def context(words: Sequence[str]) -> None:
     """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    with aside(), working(TRYING):
+    with _trying_out():
         try:
             recorded = record_states(env)
         except TaskError as fault:  # F is not written yet: whoever writes it needs to see the state
@@ -107,6 +107,14 @@ def context(words: Sequence[str]) -> None:
         known = informed(context_of(env), recorded, RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
     print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
+
+
+@contextmanager
+def _trying_out() -> Generator[None]:
+    """While a task is tried, which takes minutes where it is slow: a clock for a person at a terminal. Elsewhere stderr
+    holds nothing but what went wrong."""
+    with aside(), working("Trying the task out") if sys.stderr.isatty() else nullcontext():
+        yield
 
 
 def _type(variable: StateVar) -> str:
@@ -125,7 +133,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
-    with aside(), working(TRYING):
+    with _trying_out():
         (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
         findings = [dataclasses.asdict(finding) for finding in verdict.findings]
