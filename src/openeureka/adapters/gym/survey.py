@@ -36,7 +36,7 @@ class Survey:
     """Steps after which an episode is cut off."""
     dt: float
     """[s] between two actions. Where nothing says how long, that of a video, or 1."""
-    timed: bool = True
+    timed: bool
     """Whether the environment itself says `dt`."""
     infos: Mapping[str, tuple[int, ...]]
     """Numbers of `info`, with their shapes."""
