@@ -72,7 +72,7 @@ All numbers are F, as mean and standard deviation over seeds:
 - *Curve*: of the first seed, from its lowest to its highest value.
 
 FrankaCabinet's *first* includes episodes that began in the middle. Where F counts steps (Quadcopter, Ant, Humanoid,
-ANYmal), *first* is F of the first epoch, mostly of start states. Trainings leave both out since 28 November.
+ANYmal), *first* is F of the first epoch, mostly of start states. Trainings of today leave both out.
 
 | task | reward | seeds | steps of each | first | best | held out | curve | minutes, lanes | date |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -80,15 +80,16 @@ ANYmal), *first* is F of the first epoch, mostly of start states. Trainings leav
 BASELINES_CAVEATS = """
 What to keep in mind:
 
-- Most rows are one seed.
-- Policies played without noise. On tasks where all episodes begin alike they play with noise since 27 November; these
-  rows are older. Where starts differ little, one motion may work in few episodes with noise and in all without, or the
-  other way round. The sparse reward of SwingCup and GraspAndPlace reaches 0.08 and 0.02 in training and 1 held out,
-  that of DoorOpenOutward 0.29 and 0. Read both columns.
-- The two-handed tasks have 1 million steps a seed, a fifth of their recipe's. Since these trainings, their episodes
-  last one step longer, cubes start turned, and a bottle's cap resists turning.
-- Spin has 3 million, a tenth of its recipe's, and UpsideDown 1 million.
-- AllegroHand and ShadowHand have their 30 million, 55 to 110 minutes of one core for each reward. They are at the
+- **Seeds**: most rows are one seed.
+- **Noise**: these policies play without it; those of today have it where all episodes begin alike. Where starts differ
+  little, one motion may work in few episodes with noise and in all without, or the other way round. The sparse reward
+  of SwingCup and GraspAndPlace reaches 0.08 and 0.02 in training and 1 held out, that of DoorOpenOutward 0.29 and 0.
+  Read both columns.
+- **Short trainings**: the two-handed tasks have 1 million steps a seed, a fifth of their recipe's, Spin has 3 million,
+  a tenth, and UpsideDown 1 million, a thirtieth.
+- **Older tasks**: in these trainings the two-handed tasks' episodes last one step less, cubes start straight, and a
+  bottle's cap turns freely.
+- **AllegroHand and ShadowHand** have their 30 million, 55 to 110 minutes of one core for each reward. They are at the
   foot of their curve: the cube stays on the hand and turns towards its goal, few goals are reached. The original
   spends 393 million steps on each candidate there (3,000 epochs of 131,072), and more on its final trainings.
 
