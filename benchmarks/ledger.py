@@ -90,6 +90,7 @@ def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | N
         with comparing(config.run_config(), directory, Script()) as lanes:
             given.keep(lanes.store, named(config, listed(config.reward)))
             given.train(lanes, more)
+            lanes.store.end()
             scores, results = _held_out(lanes, peaks), lanes.store.lanes.results()
         build(directory, "none", config.env)
     return {lane: (result, scores.get(lane, {})) for lane, result in results.items()}

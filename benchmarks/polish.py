@@ -54,6 +54,7 @@ def measure(options: argparse.Namespace, env: str) -> None:
             for seed in options.seeds:
                 wanted = carried(rewards, parent, share, seed + AGAIN * place)
                 judge(lanes, lanes.train(wanted, steps=max(1, steps // PARTS)))
+        lanes.store.end()
         scores = log.evaluations()
         records = {
             name: {

@@ -431,6 +431,17 @@ def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):
     assert run.best_reward is None  # the human one comes with the task
 
 
+def test_a_training_that_is_killed_when_it_was_scored_is_not_done(tmp_path, trainer, monkeypatch):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "save_best", killed)
+        run = openeureka.train(reward=["human", program(7.0)], dir=tmp_path / "run")
+    assert run.rows()[0]["held_out_fitness"] is not None and not run.finished
+    assert run.resume().finished and len(trainer.trained) == 2
+
+
 def test_a_training_that_is_stopped_in_its_report_is_done(tmp_path, trainer, capsys, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt

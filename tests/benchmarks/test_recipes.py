@@ -14,6 +14,9 @@ import prompts
 import pytest
 import rungs
 
+from openeureka import open_run
+from openeureka.config import TrainConfig
+from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import LaneSpec
 
 RECORD = {"played": [0.0, 0.0, 0.0, 0.0, 0.0, 2.0], "window": [], "cpu_s": 1.0}
@@ -37,6 +40,12 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
 
 def told(path: Path) -> Any:
     return json.loads(path.read_text())
+
+
+def test_a_run_that_a_script_trained_in_is_finished(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
+    ledger.learn(TrainConfig(env="cartpole", reward="human", dir=str(tmp_path / "run")), ("fitness",))
+    assert open_run(tmp_path / "run").finished
 
 
 # --- rungs -----------------------------------------------------------------------------------------------------------

@@ -1,19 +1,23 @@
 import os
 import sqlite3
 import tempfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from report.scripted import search_in
 
-from openeureka.config import RunConfig
+from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
+from openeureka.events import nobody
+from openeureka.method import given
+from openeureka.method.lanes import Lanes
 from openeureka.report.view import RunView
 from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOG
-from openeureka.testing.scripted import ScriptedModel, reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.ui import folder
 from openeureka.ui.folder import RunState
 
@@ -22,6 +26,11 @@ CONFIG = RunConfig(env="toy", sample=2, iteration=1, refill=0, seeds=1)
 
 class Dies(ScriptedModel):
     def sample(self, prompt, *, n, seed):
+        raise KeyboardInterrupt
+
+
+class Unplayed(ToyTrainer):
+    def evaluate(self, env, policies, **asked):
         raise KeyboardInterrupt
 
 
@@ -139,14 +148,30 @@ def test_an_older_run_is_finished_where_its_last_rows_say_so(tmp_path, ended):
     else:
         with pytest.raises(KeyboardInterrupt):
             search_in(tmp_path / "run", [], model=Dies([]))
-    with sqlite3.connect(tmp_path / "run" / FILENAME) as connection:
+    _make_older(tmp_path / "run")
+    assert folder.entry("run", tmp_path / "run").state is (RunState.FINISHED if ended else RunState.STOPPED)
+
+
+def test_an_older_run_of_given_rewards_is_finished_where_it_is_scored(tmp_path):
+    config = replace(CONFIG, model=NO_MODEL)
+    for name, interrupted in (("scored", False), ("trained", True)):
+        with Store.open(tmp_path / name, config) as store, suppress(KeyboardInterrupt):
+            given.keep(store, {"human": None})
+            given.train(Lanes(config, store, Unplayed() if interrupted else ToyTrainer(), nobody))
+        _make_older(tmp_path / name)
+    assert folder.entry("scored", tmp_path / "scored").state is RunState.FINISHED
+    assert folder.entry("trained", tmp_path / "trained").state is RunState.STOPPED
+
+
+def _make_older(directory: Path) -> None:
+    """Bring the rows of a run back to schema 12."""
+    with sqlite3.connect(directory / FILENAME) as connection:
         for table in ("evaluations", "plays", "trials", "rungs"):
             for column in ("lost", "noisy"):
                 connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         connection.execute("DROP TABLE ended")
         connection.execute("PRAGMA user_version = 12")
     connection.close()
-    assert folder.entry("run", tmp_path / "run").state is (RunState.FINISHED if ended else RunState.STOPPED)
 
 
 def test_looking_does_not_keep_a_run_from_starting(tmp_path):

@@ -11,7 +11,6 @@ from ..method import race
 from ..method.seeds import final_seeds, polish_seeds, tuning_seeds
 from ..refine import tuned
 from ..report.view import RunView
-from ..runs.run import finished
 from ..score import rank
 from ..stats import mean
 from ..store import has_begun, look
@@ -54,7 +53,7 @@ class Result:
 
 def read(cell: Cell, directory: Path) -> Result | None:
     """The numbers of a cell; None where its search is not over. Raises StoreError where its run cannot be read."""
-    if not has_begun(directory) or not finished(*look(directory)):
+    if not has_begun(directory) or not look(directory)[1].ended:
         return None
     run = RunView.read(directory)
     outcome = run.outcome

@@ -25,7 +25,7 @@ from ..score import Outcome
 from ..store import Store, artifacts, expect_files, look
 from ..tasks import registry
 from ..training.policy import Player, Policy
-from ..types import Evaluation, Glance, History, Lane, TrainingResult
+from ..types import Evaluation, History, Lane, TrainingResult
 from .settings import SearchSettings
 
 if TYPE_CHECKING:
@@ -100,12 +100,6 @@ def lanes(run: RunView) -> dict[str, LaneView]:
     }
 
 
-def finished(config: RunConfig, glance: Glance) -> bool:
-    """Whether nothing is left to do but reports."""
-    known = not config.generations and glance.evaluations > 0  # older versions did not mark such a run as ended
-    return glance.ended or known
-
-
 class RewardText(str):
     """A reward's program, which a notebook shows in colours."""
 
@@ -140,7 +134,7 @@ class Run:
     @property
     def finished(self) -> bool:
         """Whether the run is complete; else `resume` continues it. Raises StoreError where there is no run."""
-        return finished(*look(self.directory))
+        return look(self.directory)[1].ended
 
     @property
     def history(self) -> History:

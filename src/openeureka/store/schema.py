@@ -241,11 +241,12 @@ def _settings(connection: sqlite3.Connection) -> dict[str, object] | None:
 
 
 def fill_ended(connection: sqlite3.Connection) -> None:
-    """Schema 13: mark the search as ended where its rows show that its last step is done."""
+    """Schema 13: mark the run as ended where its rows show that its last step is done."""
     settings = _settings(connection)
     if settings is None or not isinstance(iteration := settings.get("iteration", 0), int):
         return
     wanted = iteration + bool(settings.get("init"))
+    given = settings.get("model") == "none"  # without generations, whatever `iteration` says
 
     def count(what: str) -> int:
         return connection.execute(f"SELECT COUNT({what}").fetchone()[0]
@@ -255,7 +256,8 @@ def fill_ended(connection: sqlite3.Connection) -> None:
     )
     last = "*) FROM best_policy" if settings.get("polish") else tuned if settings.get("tune") else "*) FROM evaluations"
     trained = "*) FROM entries JOIN results ON results.lane = entries.lane WHERE fitness IS NOT NULL"
-    if count("DISTINCT generation) FROM entries") >= wanted > 0 and (count(last) or not count(trained)):
+    searched = not given and count("DISTINCT generation) FROM entries") >= wanted > 0
+    if (given and count(last)) or (searched and (count(last) or not count(trained))):
         connection.execute("INSERT INTO ended VALUES (1)")
 
 

@@ -269,7 +269,7 @@ class Glance:
     evaluations: int
     """Number of held-out scores, which a run takes last."""
     ended: bool
-    """Whether a search is over, except for reports."""
+    """Whether the run is over, except for reports."""
     trainings: int
     """Number of finished trainings."""
     held_out: float | None

@@ -12,7 +12,6 @@ from pathlib import Path
 from ..config import RunConfig
 from ..errors import StoreError
 from ..report.view import FOLDERS
-from ..runs.run import finished
 from ..store import artifacts, is_held, is_run, look
 from ..store.db import FILENAME, LOG, NOW
 from ..text import safe_text
@@ -117,7 +116,7 @@ def entry(name: str, directory: Path) -> Entry:
         config, glance = look(directory)
     except StoreError as error:
         return Entry(name=name, state=RunState.RUNNING if held else RunState.UNREADABLE, problem=str(error))
-    left = RunState.FINISHED if finished(config, glance) else RunState.STOPPED
+    left = RunState.FINISHED if glance.ended else RunState.STOPPED
     state = RunState.RUNNING if held else left
     return Entry(name=name, state=state, config=config, glance=glance)
 
