@@ -17,7 +17,9 @@ from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
 from openeureka.training.ppo import STATISTICS
 from openeureka.training.rewards import correlation, moments
+from openeureka.training.wire import SNAPSHOT, pack_lanes, unpack_lanes
 from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+from openeureka.worker import Frame
 
 SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)
 
@@ -499,15 +501,18 @@ def test_lanes_that_paused_go_on_as_if_nothing_had_happened():
 
 
 def test_a_lane_that_was_stopped_after_its_pause_goes_on_as_if_nothing_had_happened(monkeypatch: pytest.MonkeyPatch):
-    """It is given both its state at the pause and its last snapshot."""
+    """Its last snapshot is enough: no worker loads its state at the pause as well."""
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
     spec = LaneSpec(id="human", program="human")
     again = [dataclasses.replace(spec, paused=paused([spec], until=2)["human"].paused)]
     first = Population("cartpole", again, SMALL, threads=1)
     progress = next(first.train())
     assert isinstance(progress, TrainingProgress) and progress.epoch == 3
-    second = Population("cartpole", again, SMALL, threads=1)
-    second.resume(first.snapshot())
+    request = pack_lanes("cartpole", again, SMALL)
+    resumed = Frame(request.header, {**request.blobs, SNAPSHOT: first.snapshot()})
+    assert unpack_lanes(request)[1] == again and unpack_lanes(resumed)[1] == [spec]
+    second = Population(*unpack_lanes(resumed), threads=1)
+    second.resume(resumed.blobs[SNAPSHOT])
     (result,) = [x for x in second.train() if isinstance(x, TrainingResult)]
     assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(results([spec])["human"], seconds=0.0)
 

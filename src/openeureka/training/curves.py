@@ -206,9 +206,8 @@ class Curves:
         }
 
     def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
-        """Restore lanes with the same components. What these curves held is forgotten."""
+        """Restore lanes with the same components, in new curves."""
         self.curves = [lane["curves"][0] for lane in lanes]
-        self._scores.clear()  # a lane that went on from a pause brought some, and its snapshot holds them too
         self._scores.extend(torch.cat(epoch) for epoch in zip(*(lane["scores"] for lane in lanes), strict=True))
         self._where = torch.cat([lane.get("where", self._where[:1]) for lane in lanes])  # an older version saved none
         self.moments = torch.cat([lane["moments"] for lane in lanes])

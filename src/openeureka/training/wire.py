@@ -43,13 +43,14 @@ def pack_lanes(env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Fram
 
 
 def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
-    """Inverse of `pack_lanes`; graphs are validated again."""
+    """Inverse of `pack_lanes`; graphs are validated again. Lanes with a snapshot need no state of their own."""
     lanes = shaped(list[LaneSpec], frame.header["lanes"])
     for lane in lanes:
         if isinstance(lane.program, RewardGraph):
             validate(lane.program)
     blobs = frame.blobs
-    started = [replace(lane, start=blobs.get(lane.id), paused=blobs.get(f"{lane.id} {PAUSED}")) for lane in lanes]
+    paused = {} if SNAPSHOT in blobs else {lane.id: blobs.get(f"{lane.id} {PAUSED}") for lane in lanes}
+    started = [replace(lane, start=blobs.get(lane.id), paused=paused.get(lane.id)) for lane in lanes]
     return frame.header["env"], started, shaped(TrainBudget, frame.header["budget"])
 
 
