@@ -68,7 +68,7 @@ class Doors(PartedHandles):
     """Offset in the human reward for closing."""
 
     def success(self, s: State) -> Tensor:
-        gap = self.handle_gap(s)
+        gap = s["handles_apart"]
         return gap > GAP if self.opens else gap < GAP
 
     def handle_gap(self, s: State) -> Tensor:
