@@ -288,6 +288,11 @@ SAME = {
         "from torch import zeros\n\ndef f(dof_pos):\n    return dof_pos[:, 0] + zeros(1, device='cuda:0'), {}\n",
         "dof_pos[:, 0]",
     ),
+    "a device for a function under a name of the author's": (
+        "def f(dof_pos):\n    zeros, ones = torch.zeros, torch.ones\n"
+        "    return dof_pos[:, 0] * ones(1, device='cuda:0') + zeros(1, device='cuda:0'), {}\n",
+        "dof_pos[:, 0]",
+    ),
     "a device for a method": (
         "def twice(self, x, device):\n    return 2.0 * x\n\n"
         "def f(self):\n    return self.twice(self.dof_pos[:, 0], device=self.device), {}\n",

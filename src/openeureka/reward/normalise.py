@@ -121,6 +121,8 @@ class Normaliser(ast.NodeTransformer):
         self.ignored: dict[str, str] = {}
         self._own: set[str] = set()
         """Names of functions that the program defines, at any depth."""
+        self._offered: set[str] = set(surface.ALL_HELPERS)
+        """Names of functions that are there without an import, and those that variables give to torch's."""
         self._static: set[str] = set()
 
     def build(self, tree: ast.Module) -> Draft | None:
@@ -301,6 +303,12 @@ class Normaliser(ast.NodeTransformer):
         if not all(isinstance(part, _ANNOTATION_NODES) for part in ast.walk(node)):
             self._refuse("annotation", "an annotation may only name types", node, "remove the annotation")
 
+    def visit_Assign(self, node: ast.Assign) -> ast.Assign:
+        self.generic_visit(node)
+        named = [pair for target in node.targets for pair in (_named(target, node.value) or {}).items()]
+        self._offered |= {name for name, value in named if (self._path(value) or "").startswith("torch.")}
+        return node
+
     def visit_Expr(self, node: ast.Expr) -> ast.stmt:
         value = node.value
         printed = isinstance(value, ast.Call) and dotted(value.func) == "print"
@@ -346,8 +354,7 @@ class Normaliser(ast.NodeTransformer):
         function = node.func
         match function:
             case ast.Name(id=called):
-                offered = called in self.names or called in surface.ALL_HELPERS
-                as_written = called in self._own or not offered
+                as_written = called in self._own or not (called in self.names or called in self._offered)
             case ast.Attribute(value=ast.Name(id="self") as owner, attr=called) if called in self.functions:
                 as_written = True
                 node.func = ast.copy_location(ast.Name(called, ast.Load()), function)
