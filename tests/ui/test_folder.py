@@ -163,6 +163,13 @@ def test_an_older_run_of_given_rewards_is_finished_where_it_is_scored(tmp_path):
     assert folder.entry("trained", tmp_path / "trained").state is RunState.STOPPED
 
 
+def test_the_list_says_what_a_search_of_an_older_version_decided(tmp_path):
+    search_in(tmp_path / "run", [reply(1), reply(20)], seeds=2)
+    _make_older(tmp_path / "run")
+    entry = folder.listed("run", tmp_path / "run")
+    assert entry.glance is not None and entry.glance.word == "better"
+
+
 def _make_older(directory: Path) -> None:
     """Bring the rows of a run back to schema 12."""
     with sqlite3.connect(directory / FILENAME) as connection:

@@ -209,7 +209,7 @@ class Pages:
 
         def entry(name: str) -> folder.Entry:
             directory, fingerprint = found[name]
-            return self._entries.get(name, fingerprint, lambda _: folder.entry(name, directory))
+            return self._entries.get(name, fingerprint, lambda _: folder.listed(name, directory))
 
         return Page(
             template="runs.html",
