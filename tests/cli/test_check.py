@@ -15,6 +15,8 @@ def compute_reward(pole_angle):
     upright = torch.exp(-10.0 * pole_angle**2)
     return upright, {"upright": upright}
 """
+CART = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide" range="-1 1"/><geom size="0.1"/></body></worldbody>
+<actuator><motor joint="rail" ctrlrange="-1 1"/></actuator></mujoco>"""
 BAD = """
 def compute_reward(pole_angel):
     return pole_angel, {}
@@ -59,14 +61,17 @@ def test_what_a_task_prints_is_no_part_of_the_answer(tmp_path, capfd):
     assert printed.out.startswith("Task: ") and "library" not in printed.out and "library" in printed.err
 
 
-def test_a_person_sees_that_a_task_is_tried_and_a_program_does_not(tmp_path):
+@pytest.mark.parametrize("words", ["context env=cartpole", "new cart.py model=cart.xml"])
+def test_a_person_sees_that_a_task_is_tried_and_a_program_does_not(tmp_path, words):
     person, terminal = pty.openpty()
-    command = [sys.executable, "-m", "openeureka", "context", "env=cartpole"]
+    (tmp_path / "cart.xml").write_text(CART)
+    command = [sys.executable, "-m", "openeureka", *words.split()]
     environment = {**os.environ, "TERM": "xterm"}
     seen = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal, env=environment, cwd=tmp_path, check=True)
     os.close(terminal)
-    assert b"Trying the task out" in os.read(person, 65_536) and seen.stdout.startswith(b"Task: ")
+    assert b"Trying the task out" in os.read(person, 65_536) and seen.stdout.startswith((b"Task: ", b"Wrote cart.py: "))
     os.close(person)
+    (tmp_path / "cart.py").unlink(missing_ok=True)
     quiet = subprocess.run(command, capture_output=True, env=environment, cwd=tmp_path, check=True)
     assert (quiet.stdout, quiet.stderr) == (seen.stdout, b"")
 

@@ -175,7 +175,7 @@ def new(words: Sequence[str]) -> None:
         return
     if not config.model:
         raise ConfigError(f"Name a robot with model=FILE, or an environment with env=gym:ID; for example: {USAGE}")
-    with warnings.catch_warnings():
+    with _trying_out(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MuJoCo's, on how the model's file is written
         drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
         with _written(path, drafted.text):
