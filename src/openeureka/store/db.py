@@ -25,6 +25,8 @@ from ..parsing import command_line, short_path
 from .schema import FILLS, MIGRATIONS, OLDEST
 
 T = TypeVar("T")
+Row = dict[str, Any]
+"""A row, or a part of one, by the names of its columns."""
 FILENAME = "run.sqlite"
 LOCK = "run.lock"
 LOG = "run.log"
@@ -35,7 +37,6 @@ SUMMARY = "run.summary.json"
 """How far a run has come, for lists of runs."""
 STOP = "run.stop"
 """Exists while the run is asked to stop."""
-AGAIN = "start it again with the same `eureka run` command."
 
 MAX_VALUE = 64 << 20
 """Largest value in a row [bytes]."""
@@ -191,6 +192,13 @@ def at_work(directory: Path) -> StoreError:
     return StoreError(f"Another process is working on {short_path(directory)}; wait for it, or stop it with: {stop}")
 
 
+def never_began(directory: Path) -> NotBegun:
+    """The error for a run that was killed before its settings were stored."""
+    return NotBegun(
+        f"{short_path(directory)} holds a run that never began; start it again with the same `eureka run` command."
+    )
+
+
 def changed_row(directory: Path, why: object) -> StoreError:
     """The error for a row that no run has written."""
     what = f"{short_path(directory / FILENAME)} holds a row that was changed ({why!s:.80})"
@@ -239,7 +247,7 @@ class Database:
             )
         if not writable:
             if schema == 0:
-                raise NotBegun(f"{short_path(self.directory)} holds a run that never began; {AGAIN}")
+                raise never_began(self.directory)
             if schema < max(MIGRATIONS):
                 self._to_memory()
                 self._migrate()
@@ -268,8 +276,8 @@ class Database:
         """Run the missing scripts, all or none: a new file whose process is killed here must not seem to be too old."""
         if self._schema() == max(MIGRATIONS):
             return
-        self._connection.execute("BEGIN IMMEDIATE")
-        try:
+        with self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")
             before = self._schema()  # another process may have been faster
             for number in (n for n in MIGRATIONS if n > before):
                 for statement in _statements(MIGRATIONS[number]):
@@ -277,32 +285,21 @@ class Database:
                 if fill := FILLS.get(number):
                     fill(self._connection)
             self._connection.execute(f"PRAGMA user_version = {max(MIGRATIONS)}")
-            self._connection.execute("COMMIT")
-        except BaseException:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
-            raise
 
     def put(self, table: str, *rows: Mapping[str, Any]) -> None:
         """Insert rows, all or none, durable when this returns."""
-        with explained(self.directory):
+        with explained(self.directory), self._connection:
             self._connection.execute("BEGIN IMMEDIATE")
-            try:
-                for row in rows:
-                    names, marks = ", ".join(row), ", ".join("?" * len(row))
-                    self._connection.execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row.values()))
-                self._connection.execute("COMMIT")
-            except BaseException:
-                if self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
-                raise
+            for row in rows:
+                names, marks = ", ".join(row), ", ".join("?" * len(row))
+                self._connection.execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row.values()))
 
-    def rows(self, table: str, *, order: Sequence[str] = ("rowid",), **where: Any) -> list[sqlite3.Row]:
+    def rows(self, table: str, *, order: Sequence[str] = ("rowid",), **where: Any) -> list[Row]:
         """Rows whose columns equal `where`."""
         condition = " AND ".join(f"{name} = ?" for name in where) or "1"
         query = f"SELECT * FROM {table} WHERE {condition} ORDER BY {', '.join(order)}"
         with explained(self.directory):
-            found = self._connection.execute(query, tuple(where.values())).fetchall()
+            found: list[Row] = [*map(dict, self._connection.execute(query, tuple(where.values())))]
         columns = _layout(tuple(MIGRATIONS.values()))[1][table]
         for row in found:
             for name, kind, optional in columns:
@@ -310,9 +307,8 @@ class Database:
                     raise changed_row(self.directory, f"{name} of {table}: {row[name]!r:.40}")
         return found
 
-    def row(self, table: str, **where: Any) -> sqlite3.Row | None:
-        found = self.rows(table, **where)
-        return found[0] if found else None
+    def row(self, table: str, **where: Any) -> Row | None:
+        return next(iter(self.rows(table, **where)), None)
 
     def decoded(self, decode: Callable[..., T], *values: object) -> T:
         """Decode values of a row. Raises StoreError where they cannot be decoded."""
@@ -338,10 +334,10 @@ class Database:
             with explained(self.directory):
                 self._connection.execute("COMMIT")
 
-    def glance(self) -> sqlite3.Row:
+    def glance(self) -> Row:
         """Counts and sums over the run, without its texts and curves."""
         with explained(self.directory):
-            row = self._connection.execute(_GLANCE).fetchone()
+            row: Row = dict(self._connection.execute(_GLANCE).fetchone())
         for name in ("fitness", "held_out", "human"):
             if not _fits(name, "REAL", row[name], True):
                 raise changed_row(self.directory, f"{row[name]!r:.40} is no F")

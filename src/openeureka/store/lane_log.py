@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sqlite3
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from ..errors import StoreError, WorkerError
 from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Ranges, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
-from .db import Database
+from .db import Database, Row
 from .rows import (
     damaged,
     decode_digest,
@@ -44,8 +43,7 @@ class LaneLog:
 
     def all(self) -> dict[str, Lane]:
         """Every lane of the run by its id, trained or not, in the order in which they began."""
-        rows = [dict(row) for row in self._database.rows("lanes")]
-        return {row["lane"]: self._database.decoded(decode_lane, row) for row in rows}
+        return {row["lane"]: self._database.decoded(decode_lane, row) for row in self._database.rows("lanes")}
 
     def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
         """Store the ranges that lanes draw their worlds from, by name, except names that are stored already."""
@@ -116,8 +114,8 @@ class LaneLog:
     def evaluations(self) -> dict[str, Evaluation]:
         return {row["lane"]: self._evaluation(row) for row in self._database.rows("evaluations")}
 
-    def _evaluation(self, row: sqlite3.Row) -> Evaluation:
-        return self._database.decoded(decode_evaluation, dict(row))
+    def _evaluation(self, row: Row) -> Evaluation:
+        return self._database.decoded(decode_evaluation, row)
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
         """Store the scores that lanes are ranked by, and the recorded episodes.

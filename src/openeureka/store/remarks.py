@@ -56,7 +56,7 @@ class RemarkLog:
 
     def _between(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
         rows = self._database.rows("remarks", order=("id",))
-        wanted = [dict(row) for row in rows if row["id"] > after and (last is None or row["id"] <= last)]
+        wanted = [row for row in rows if row["id"] > after and (last is None or row["id"] <= last)]
         return tuple(self._database.decoded(decode_remark, row) for row in wanted)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sqlite3
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
 from ..text import safe_text
-from ..types import Evaluation, Lane, Message, Peak, Remark, Reply, Screened, TrainingResult, Usage, Verdict
+from ..types import Evaluation, Lane, Message, Peak, Place, Remark, Reply, Screened, TrainingResult, Usage, Verdict
 from ..types.bounds import Finite, Name
 
 Costs = Mapping[Name, Finite]
@@ -42,11 +41,11 @@ def encode_reply(reply: Reply) -> dict[str, Any]:
     return text | asdict(reply.usage)
 
 
-def decode_reply(row: sqlite3.Row) -> Reply:
+def decode_reply(row: Mapping[str, Any]) -> Reply:
     return Reply(text=row["text"], model=row["model"], usage=decode_usage(row), seconds=row["seconds"])
 
 
-def decode_usage(row: sqlite3.Row) -> Usage:
+def decode_usage(row: Mapping[str, Any]) -> Usage:
     return Usage(
         prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
     )
@@ -145,34 +144,35 @@ def decode_result(lane: str, text: str | bytes) -> TrainingResult:
 # --- rows ------------------------------------------------------------------------------------------------------------
 
 
-def encode_remark(remark: Remark) -> dict[str, str | int | None]:
+def encode_place(place: Place | None, prefix: str = "") -> dict[str, Any]:
+    """The two columns that name a slot."""
+    generation, slot = place or (None, None)
+    return {f"{prefix}generation": generation, f"{prefix}slot": slot}
+
+
+def decode_place(row: Mapping[str, Any], prefix: str = "") -> Place | None:
+    """Inverse of `encode_place`."""
+    generation, slot = row[f"{prefix}generation"], row[f"{prefix}slot"]
+    return Place(generation, slot) if generation is not None and slot is not None else None
+
+
+def encode_remark(remark: Remark) -> dict[str, Any]:
     """The columns of a row."""
-    generation, slot = remark.place or (None, None)
-    over_generation, over_slot = remark.over or (None, None)
-    return {
-        "kind": remark.kind,
-        "text": safe_text(remark.text),
-        "generation": generation,
-        "slot": slot,
-        "over_generation": over_generation,
-        "over_slot": over_slot,
-    }
+    said = {"kind": remark.kind, "text": safe_text(remark.text)}
+    return said | encode_place(remark.place) | encode_place(remark.over, "over_")
 
 
 def decode_remark(row: Mapping[str, Any]) -> Remark:
     """Raises DecodeError for an unknown kind of remark."""
-    place, over = (row["generation"], row["slot"]), (row["over_generation"], row["over_slot"])
-    places = {name: found for name, found in (("place", place), ("over", over)) if None not in found}
+    places = {"place": decode_place(row), "over": decode_place(row, "over_")}
     return shaped(Remark, {"kind": row["kind"], "text": row["text"], **places})
 
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
     """The columns of a row: undefined numbers are None, recorded episodes are left out (they have a file)."""
-    row = defined(replace(evaluation, recorded=None)) | {
-        "costs": encode(evaluation.costs) if evaluation.costs else None
-    }
+    row = defined(replace(evaluation, recorded=None))
     del row["recorded"]
-    return row
+    return row | {"costs": encode(evaluation.costs) if evaluation.costs else None}
 
 
 def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
@@ -187,15 +187,12 @@ def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
 def encode_screened(screened: Screened) -> dict[str, Any]:
     """The columns of a row."""
     row = defined(screened) | {"reason": safe_text(screened.reason)}
-    for name in ("place", "nearest"):
-        prefix = "" if name == "place" else f"{name}_"
-        row |= dict(zip((f"{prefix}generation", f"{prefix}slot"), row.pop(name) or (None, None), strict=True))
-    return row
+    del row["place"], row["nearest"]
+    return row | encode_place(screened.place) | encode_place(screened.nearest, "nearest_")
 
 
 def decode_screened(row: Mapping[str, Any]) -> Screened:
     """Inverse of `encode_screened`. Raises DecodeError for anything else."""
     columns = {name: row[name] for name in ("agreement", "error", "likeness", "reason")}
-    nearest = (row["nearest_generation"], row["nearest_slot"])
-    columns |= {"place": (row["generation"], row["slot"]), "nearest": nearest if None not in nearest else None}
+    columns |= {"place": decode_place(row), "nearest": decode_place(row, "nearest_")}
     return shaped(Screened, columns | {"kept": bool(row["kept"])})

@@ -9,7 +9,16 @@ from collections.abc import Iterable
 from ..types import GIVEN, Message, Place, Prompt, Reply, Screened, Usage
 from . import artifacts
 from .db import Database
-from .rows import decode_messages, decode_reply, decode_screened, encode_messages, encode_reply, encode_screened
+from .rows import (
+    decode_messages,
+    decode_place,
+    decode_reply,
+    decode_screened,
+    encode_messages,
+    encode_place,
+    encode_reply,
+    encode_screened,
+)
 
 
 class TalkLog:
@@ -34,9 +43,7 @@ class TalkLog:
     def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
         """Store for some slots which prompt fills them, by its first slot, and which candidate it asks to improve."""
         known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
-        row = {"generation": generation, "prompt": asked}
-        if parent is not None:
-            row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
+        row = {"generation": generation, "prompt": asked, **encode_place(parent, "parent_")}
         self._database.put("slots", *(row | {"slot": slot} for slot in slots if slot not in known))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
@@ -74,9 +81,9 @@ class TalkLog:
     def parents(self) -> dict[Place, Place]:
         """The candidate that the model was asked to improve, by slot. Slots without a parent are left out."""
         return {
-            Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
+            Place(row["generation"], row["slot"]): parent
             for row in self._database.rows("slots")
-            if row["parent_generation"] is not None
+            if (parent := decode_place(row, "parent_")) is not None
         }
 
     def usage(self) -> Usage:
@@ -110,5 +117,5 @@ class ScreenLog:
     def all(self) -> dict[Place, Screened]:
         """Decisions by slot. Slots without an accepted program and generations without a screen have none."""
         rows = self._database.rows("screens", order=("generation", "slot"))
-        decisions = [self._database.decoded(decode_screened, dict(row)) for row in rows]
+        decisions = [self._database.decoded(decode_screened, row) for row in rows]
         return {decision.place: decision for decision in decisions}

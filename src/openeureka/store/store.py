@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sqlite3
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import asdict
@@ -37,13 +36,13 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .db import AGAIN, FILENAME, Database, changed_row
+from .db import FILENAME, Database, Row, changed_row, never_began
 from .folders import Folders
 from .hold import expect_near, hold
 from .lane_log import LaneLog
 from .remarks import RemarkLog
 from .rewards import RewardLog
-from .rows import decode_usage, decode_verdict
+from .rows import decode_place, decode_usage, decode_verdict, encode_place
 from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
@@ -183,7 +182,7 @@ class Store:
         """The settings that the run began with."""
         row = self._database.row("run")
         if row is None:
-            raise NotBegun(f"{short_path(self.directory)} holds a run that never began; {AGAIN}")
+            raise never_began(self.directory)
         try:
             return self._database.decoded(_restored, row["config"])
         except ConfigError:
@@ -233,9 +232,7 @@ class Store:
         ]
         return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness", limits)
 
-    def _scored(
-        self, row: sqlite3.Row, results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]
-    ) -> Scored:
+    def _scored(self, row: Row, results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]) -> Scored:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
@@ -244,7 +241,8 @@ class Store:
             attempts=row["attempts"],
         )
         result = self._database.decoded(results.__getitem__, row["lane"]) if row["lane"] is not None else None
-        return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["lane"]))
+        score = scores.get(result.lane) if result is not None else None
+        return Scored(sample=sample, result=result, feedback=row["feedback"], played=score)
 
     def glance(self) -> Glance:
         """How far the run has come."""
@@ -271,12 +269,12 @@ class Store:
 
     def save_crown(self, place: Place) -> None:
         """Store which candidate won the race."""
-        self._database.put("crown", {"id": 1, "generation": place.generation, "slot": place.slot})
+        self._database.put("crown", {"id": 1, **encode_place(place)})
 
     def crown(self) -> Place | None:
         """The candidate that won the race; None before the race is done, and in runs that had none."""
         row = self._database.row("crown")
-        return Place(row["generation"], row["slot"]) if row is not None else None
+        return decode_place(row) if row is not None else None
 
     def save_best(self, program: Candidate | None, policy: PolicyId) -> None:
         """Fill `best/` with the best reward and its policy, anew whenever a better reward comes.
