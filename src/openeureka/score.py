@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
-from .stats import CONFIDENCE, Difference, Estimate, difference, mean
-from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, Word
+from .stats import CONFIDENCE, Difference, Estimate, defined, difference, mean
+from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResult, Word
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
@@ -150,7 +150,18 @@ class SeedScores:
     @property
     def scores(self) -> tuple[float, ...]:
         """The defined held-out scores."""
-        return tuple(value for value in self.held_out if value is not None and math.isfinite(value))
+        return tuple(defined(self.held_out))
+
+    @staticmethod
+    def of(
+        lanes: Iterable[str], results: Mapping[str, TrainingResult], held_out: Mapping[str, Evaluation]
+    ) -> SeedScores:
+        """The scores of these lanes, by `results` and held-out scores that are both by lane id."""
+        lanes = tuple(lanes)
+        return SeedScores(
+            training=tuple(results[lane].fitness for lane in lanes),
+            held_out=tuple(held_out[lane].fitness if lane in held_out else None for lane in lanes),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

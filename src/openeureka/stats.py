@@ -20,10 +20,15 @@ NEAR = 0.25
 """A share of successes this close to 0 or 1 counts as 0 or 1."""
 
 
-def mean(values: Sequence[float | None]) -> float | None:
+def defined(values: Iterable[float | None]) -> list[float]:
+    """The values that are finite numbers."""
+    return [value for value in values if value is not None and math.isfinite(value)]
+
+
+def mean(values: Iterable[float | None]) -> float | None:
     """Mean of the defined values; None when there is none."""
-    defined = [value for value in values if value is not None and math.isfinite(value)]
-    return math.fsum(defined) / len(defined) if defined else None
+    known = defined(values)
+    return math.fsum(known) / len(known) if known else None
 
 
 def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | None:
@@ -211,13 +216,13 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
     Args:
         claims: how many such intervals are to hold together, as in `difference`.
     """
-    defined = [value for value in values if value is not None and math.isfinite(value)]
-    centre, count = mean(defined), len(defined)
+    known = defined(values)
+    centre, count = mean(known), len(known)
     if centre is None:
         return None
     if count < 2:
         return Estimate(value=centre, low=None, high=None, count=count, claims=claims)
-    spread, freedom = pooled([defined])
+    spread, freedom = pooled([known])
     half = quantile(freedom, claims) * spread / math.sqrt(count) if spread > CLOSE * abs(centre) else 0.0
     return Estimate(value=centre, low=centre - half, high=centre + half, count=count, claims=claims)
 

@@ -146,18 +146,14 @@ def outcome(
     lanes = final_lanes(config, [best, *others.values()], results, scores)
     known, trained = baselines.chosen(config), [results[lane] for lane in lanes[best.candidate_id]]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
-
-    def scored(name: str) -> SeedScores:
-        held_out = [scores[lane].fitness if lane in scores else None for lane in lanes[name]]
-        return SeedScores(training=tuple(results[lane].fitness for lane in lanes[name]), held_out=tuple(held_out))
-
+    by_seed = {name: SeedScores.of(own, results, scores) for name, own in lanes.items()}
     return Outcome(
         best=best,
-        method=scored(best.candidate_id),
-        human=known.human if known else scored("human"),
-        sparse=known.sparse if known else scored("sparse"),
+        method=by_seed[best.candidate_id],
+        human=known.human if known else by_seed["human"],
+        sparse=known.sparse if known else by_seed["sparse"],
         # Those that raced, and not those that today's scores would choose: lanes that play later may change these.
-        rivals={entry.sample.place: scored(name) for name, entry in others.items() if lanes[name]},
+        rivals={entry.sample.place: by_seed[name] for name, entry in others.items() if lanes[name]},
         share=share(len(trained), config.seeds) if best.played is not None else 1.0,
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from ..config import RunConfig
+from ..stats import defined, mean
 from ..types import (
     Evaluation,
     Limits,
@@ -36,9 +37,6 @@ _EARLY_AND_LATE = (
 )
 _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
 """Measured curves that the feedback shows with the components, by their names there."""
-_AVERAGED = ", averaged over the last {window} epochs"
-_LATE = " (none: too early to tell)"
-_RANKS = "; rewards are ranked by the score when played instead"
 
 
 def scored(
@@ -90,9 +88,9 @@ def reflect(
         epochs=_epochs(result.curves),
         staged=_staged(result),
         interval=_interval(result.curves, points=10),
-        averaged=_AVERAGED.format(window=window) if window > 1 else "",
-        late=_LATE if _late(result.curves) else "",
-        ranks=_RANKS if played is not None else "",
+        averaged=f", averaged over the last {window} epochs" if window > 1 else "",
+        late=" (none: too early to tell)" if _late(result.curves) else "",
+        ranks="; rewards are ranked by the score when played instead" if played is not None else "",
     )
     parts = _parts(result.curves) if played is not None else []
     return "\n".join(
@@ -131,11 +129,11 @@ def _component(name: str) -> str:
 def _parts(curves: Curves) -> list[str]:
     """A line on when in an episode components pay; nothing for trainings that did not record it."""
 
-    def mean(part: str, name: str) -> str:
+    def at(part: str, name: str) -> str:
         return _number(next(iter(curves.get(f"component_{part}/{name}", ())), None), brief=False)
 
     names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
-    means = ", ".join(f"{_component(name)} {mean('early', name)} then {mean('late', name)}" for name in names)
+    means = ", ".join(f"{_component(name)} {at('early', name)} then {at('late', name)}" for name in names)
     return [f"{_EARLY_AND_LATE}: {means}"] if means else []
 
 
@@ -188,13 +186,11 @@ def _late(curves: Curves) -> bool:
 def _line(name: str, curve: Sequence[float | None], interval: int, brief: bool) -> str:
     """`name: [first, ..., last], Max: , Mean: , Min: ` with the extremes over all epochs, not only those shown."""
     series = ", ".join(_number(value, brief) for value in curve[::interval])
-    defined = [value for value in curve if value is not None and math.isfinite(value)]
-    if not defined:
+    known = defined(curve)
+    if not known:
         return f"{name}: [{series}]"
-    high, mean, low = max(defined), math.fsum(defined) / len(defined), min(defined)
-    return f"{name}: [{series}], " + ", ".join(
-        f"{word}: {_number(value, brief)}" for word, value in (("Max", high), ("Mean", mean), ("Min", low))
-    )
+    high, low = _number(max(known), brief), _number(min(known), brief)
+    return f"{name}: [{series}], Max: {high}, Mean: {_number(mean(known), brief)}, Min: {low}"
 
 
 def _number(value: float | None, brief: bool) -> str:

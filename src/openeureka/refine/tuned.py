@@ -167,7 +167,7 @@ def read(
         trained=sum(trial.result is not None for trial in trials),
         effects=_effects(texts[ORIGINAL], trials, after),
         after=after,
-        finals={name: _of_seeds(own, results, evaluations) for name, own in raced.items()},
+        finals={name: SeedScores.of(own, results, evaluations) for name, own in raced.items()},
         components=_components(*([results[lane] for lane in raced.get(name, ())] for name in (ORIGINAL, after))),
         judged=any(lane in evaluations for name, own in raced.items() for lane in own if name != ORIGINAL),
         share=race.share(len(lanes.get(after, ())), config.seeds),
@@ -252,13 +252,6 @@ def log_factor(value: float, weight: Weight) -> float:
 
 def _fitness(score: Evaluation | None) -> float | None:
     return score.fitness if score is not None else None
-
-
-def _of_seeds(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Scores) -> SeedScores:
-    return SeedScores(
-        training=tuple(results[lane].fitness for lane in lanes),
-        held_out=tuple(_fitness(scores.get(lane)) for lane in lanes),
-    )
 
 
 # --- which numbers matter --------------------------------------------------------------------------------------------

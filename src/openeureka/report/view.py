@@ -135,18 +135,11 @@ class RunView:
     @property
     def given(self) -> dict[str, SeedScores]:
         """Scores of the given rewards by name, as far as they are trained; a value for each seed."""
-        lanes = [lane for lane in self.lanes.values() if lane.role == "given" and lane.id in self.results]
-        return {
-            name: SeedScores(
-                training=tuple(self.results[lane.id].fitness for lane in lanes if lane.reward == name),
-                held_out=tuple(
-                    self.evaluations[lane.id].fitness if lane.id in self.evaluations else None
-                    for lane in lanes
-                    if lane.reward == name
-                ),
-            )
-            for name in dict.fromkeys(lane.reward for lane in lanes)
-        }
+        lanes: dict[str, list[str]] = {}
+        for lane in self.lanes.values():
+            if lane.role == "given" and lane.id in self.results:
+                lanes.setdefault(lane.reward, []).append(lane.id)
+        return {name: SeedScores.of(own, self.results, self.evaluations) for name, own in lanes.items()}
 
     @property
     def noisy(self) -> bool:
