@@ -10,7 +10,7 @@ from ..events import Began
 from ..score import rank
 from ..stats import mean
 from ..store import Store
-from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
+from ..types import GIVEN, Candidate, Lane, Reply, RewardProgram, Verdict
 from .lanes import Lanes
 from .seeds import Wanted, deal
 
@@ -63,16 +63,14 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     lanes.tell(Began("play"))
     lanes.play(results)
     lanes.tell(Began("evaluate"))
-    peaks = lanes.counted_peaks(results)
-    scores = lanes.evaluate(peaks)
+    scores = lanes.evaluate(lanes.counted_peaks(results))
     fitness = {lane: score.fitness for lane, score in scores.items()}
     by_reward: dict[str, list[str]] = {}
     for lane, record in of_given(store).items():
         by_reward.setdefault(record.reward, []).append(lane)
     best = max(by_reward, key=lambda name: rank(mean([fitness.get(lane) for lane in by_reward[name]])))
     lane = max(by_reward[best], key=lambda lane: rank(fitness.get(lane)))
-    kept = scores[lane].peak if lane in scores else None  # it may have played again since, beside later lanes
-    store.save_best(store.rewards.candidate(store.rewards.named()[best]), PolicyId(lane, kept or peaks[lane]))
+    store.save_best(store.rewards.candidate(store.rewards.named()[best]), lanes.judged(lane))
 
 
 def of_given(store: Store) -> dict[str, Lane]:

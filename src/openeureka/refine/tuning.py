@@ -239,8 +239,7 @@ def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
     own = tuned.final_lanes(config, texts, results)
-    peaks = lanes.counted_peaks([lane for ids in own.values() for lane in ids])
-    scores = lanes.evaluate(peaks)
+    scores = lanes.evaluate(lanes.counted_peaks([lane for ids in own.values() for lane in ids]))
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:
         return None
@@ -248,7 +247,6 @@ def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
     if held is not None:  # the search chose and tried it
         return held if found.lawful else None
     lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.cost_limits))
-    kept = scores[lane].peak if lane in scores else None
-    policy = PolicyId(lane, kept or peaks[lane])
+    policy = lanes.judged(lane)
     store.save_best(texts[found.better], policy)
     return policy if found.lawful else None
