@@ -15,12 +15,8 @@ NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
 NO_RANGES = "none"
 """`randomise` of a run whose worlds are the task's own."""
-BONUSES = ("none", "original", "progress")
-SCHEDULES = ("full", "quarter", "halving")
-OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
 STARTS = BEST, SCRATCH = "best", "scratch"
-LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
 _MANY = 100_000
 """More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
@@ -160,12 +156,12 @@ class RunConfig:
         choices = {
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
-            "bonus": BONUSES,
-            "schedule": SCHEDULES,
+            "bonus": ("none", "original", "progress"),
+            "schedule": ("full", "quarter", "halving"),
             "baselines": ("train", "known"),
             "video": VIDEOS,
-            "observe": OBSERVES,
-            "log": LOGS,
+            "observe": ("all", "measurable"),
+            "log": ("", "wandb", "mlflow", "tensorboard"),
         }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:

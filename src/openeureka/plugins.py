@@ -64,9 +64,8 @@ class Door:
         try:
             found = import_file(file) if file else importlib.import_module(module)
         except (Exception, SystemExit) as error:  # whatever a person's code raises
-            said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
             raise ConfigError(
-                f"`{self.setting}={value}` cannot be imported: {said}.{where_to_put(module, error)}"
+                f"`{self.setting}={value}` cannot be imported: {_told(error)}.{where_to_put(module, error)}"
             ) from error
         if not callable(getattr(found, name, None)):
             makers = [known for known, own in vars(found).items() if callable(own)]
@@ -93,12 +92,17 @@ class Door:
             if value in self.built_in:
                 raise
             frame = traceback.extract_tb(error.__traceback__)[-1]
-            said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
             place = f"{Path(frame.filename).name}, line {frame.lineno}"
-            raise ConfigError(f"`{self.setting}={value}` failed when it was called: {said} ({place}).") from error
+            raise ConfigError(
+                f"`{self.setting}={value}` failed when it was called: {_told(error)} ({place})."
+            ) from error
         if missing := [name for name in self.members if not hasattr(made, name)]:
             raise ConfigError(f"The object that `{self.setting}={value}` makes lacks {', '.join(missing)}.")
         return made
+
+
+def _told(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
 
 
 def where_to_put(module: str, error: BaseException) -> str:

@@ -70,8 +70,11 @@ class Carried:
 
     @property
     def _works(self) -> list[float]:
+        """The values around the task's own at which it works throughout; none if learnt F is unknown."""
+        if all(share is None for _, _, share in self.points):
+            return []
         own = float(getattr(NOMINAL, self.name))
-        kept: list[float] = [own]
+        kept = [own]
         above = [(value, share) for value, _, share in self.points if value > own]
         below = [(value, share) for value, _, share in reversed(self.points) if value < own]
         for side in (above, below):
@@ -84,11 +87,11 @@ class Carried:
     @property
     def low(self) -> float | None:
         """Lower end of the values around the task's own at which it works throughout; None if learnt F is unknown."""
-        return min(self._works) if any(share is not None for _, _, share in self.points) else None
+        return min(self._works, default=None)
 
     @property
     def high(self) -> float | None:
-        return max(self._works) if any(share is not None for _, _, share in self.points) else None
+        return max(self._works, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
