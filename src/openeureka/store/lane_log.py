@@ -182,8 +182,7 @@ class LaneLog:
 
     def forget(self, lane: str) -> None:
         """Delete the paused state of a lane, which nothing needs once the lane has its result."""
-        if artifacts.exists(self._directory, _paused(lane)):
-            artifacts.remove(self._directory, _paused(lane))
+        artifacts.remove(self._directory, _paused(lane))
 
     def save_tryout(self, name: str, evaluation: Evaluation) -> None:
         """Keep what a lane's policy scored in the tryout `name` (see `method.hacking.tryouts`)."""

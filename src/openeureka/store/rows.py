@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
@@ -32,7 +31,7 @@ def decode_messages(text: str) -> tuple[Message, ...]:
 
 
 def encode_messages(messages: Iterable[Message]) -> str:
-    return json.dumps([{"role": message.role, "content": safe_text(message.content)} for message in messages])
+    return encode([replace(message, content=safe_text(message.content)) for message in messages])
 
 
 def encode_reply(reply: Reply) -> dict[str, Any]:

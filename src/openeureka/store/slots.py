@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Iterable
 
+from ..codec import encode
 from ..types import GIVEN, Message, Place, Prompt, Reply, Screened, Usage
 from . import artifacts
 from .db import Database
@@ -35,10 +34,10 @@ class TalkLog:
             self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
         self.save_slots(generation, slots, asked=slots.start, parent=parent)
         asked = [
-            {"generation": place[0], "slot": place[1], "messages": [*map(dataclasses.asdict, messages)]}
-            for place, messages in self.prompts().items()
+            {"generation": generation, "slot": slot, "messages": messages}
+            for (generation, slot), messages in self.prompts().items()
         ]
-        artifacts.write(self._database.directory, "messages.json", json.dumps(asked, indent=2))
+        artifacts.write(self._database.directory, "messages.json", encode(asked, indent=2))
 
     def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
         """Store for some slots which prompt fills them, by its first slot, and which candidate it asks to improve."""

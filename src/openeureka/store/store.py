@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
@@ -172,7 +171,7 @@ class Store:
                     f"{short_path(self.directory)} has files of a run whose {FILENAME} is missing; restore it from a "
                     "copy, together with its -wal file, or choose another dir=."
                 )
-            row = {"id": 1, "config": json.dumps(asdict(config)), "version": __version__, "ranks": ranks}
+            row = {"id": 1, "config": encode(config), "version": __version__, "ranks": ranks}
             self._database.put("run", row)
             return
         expect_same(self.directory, self.config, config)
