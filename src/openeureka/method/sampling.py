@@ -211,7 +211,8 @@ def draw(
     config: RunConfig,
     tell: Tell = nobody,
 ) -> Iterator[tuple[int, Reply]]:
-    """The missing replies of a request, each with its slot, as they come.
+    """The missing replies of a request, each with its slot, as they come: as near as can be to those that the request
+    would have given without an interruption.
 
     Args:
         slots: all slots of the request.
@@ -221,38 +222,23 @@ def draw(
 
     Raises:
         BudgetError: when the replies would exceed `max_cost=`; nothing is asked then.
-        ModelError: when the model gives fewer, or failed.
+        ModelError: when the model gives fewer, or failed; more are not taken.
     """
     if config.max_cost:
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
     tell(Asked(tuple(missing)))
-    rest = rest_of(model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
-    yield from zip(missing, rest, strict=True)
-
-
-def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missing: int) -> Iterator[Reply]:
-    """The replies that an interrupted request still lacks, as near as can be to those that it would have given.
-
-    Args:
-        seed: seed of the whole request.
-        held: number of replies that came.
-        missing: number of replies that did not.
-
-    Raises:
-        ModelError: when the model gives fewer; more are not taken.
-    """
+    held, left = slots.index(missing[0]), list(missing)
     if isinstance(model, RandomModel):  # each draw depends on the draws before it, and drawing again costs nothing
-        replies = islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
+        replies = islice(model.sample(prompt, n=held + len(left), seed=seed), held, None)
     else:
-        replies = model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
-    came = 0
+        replies = model.sample(prompt, n=len(left), seed=(seed + held) % 2**31)
     for reply in replies:  # to the end of the generator, so that the model also does what follows its last reply
-        if came == missing:
+        if not left:
             break
-        yield reply
-        came += 1
-    if came < missing:
-        raise ModelError(f"{model.name} gave {came} of {missing} replies: its `sample` must yield n replies.")
+        yield left.pop(0), reply
+    if left:
+        came = f"{len(missing) - len(left)} of {len(missing)}"
+        raise ModelError(f"{model.name} gave {came} replies: its `sample` must yield n replies.")
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:
