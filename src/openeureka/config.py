@@ -170,12 +170,11 @@ class RunConfig:
                 )
         if self.curriculum and self.schedule != "full":
             raise ConfigError(f"`schedule={self.schedule}` does not work with `curriculum=`; leave one of them out.")
-        if self.cost_limits and (self.search == "eureka" or self.model == NO_MODEL):
-            raise ConfigError("`limits` needs a search that plays trained policies; use it with search=best.")
-        if self.screen > 1 and (self.search == "eureka" or self.model == NO_MODEL):
-            raise ConfigError(
-                "`screen` needs a search that plays trained policies; use it with search=best and a model."
-            )
+        for key, plays in (("limits", bool(self.cost_limits)), ("screen", self.screen > 1)):
+            if plays and (self.search == "eureka" or self.model == NO_MODEL):
+                raise ConfigError(
+                    f"`{key}` needs a search that plays trained policies; use it with search=best and a model."
+                )
         if self.judge == "votes" and self.feedback != "human":
             raise ConfigError("`judge=votes` needs a person who votes; add feedback=human.")
         if self.judge == "votes" and self.schedule != "full":

@@ -106,7 +106,7 @@ def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, tra
         kill(trainer, once, after=1)
         robust([str(searched), "model=random", "sample=2", "steps=1e6"])
     trained = len(trainer.trained)
-    wanted = r"train for 1000000 steps each, from the best policy; add steps=1000000 to continue them\.$"
+    wanted = r"train with start=best steps=1000000; add both to continue them\.$"
     for words in ([], ["steps=5e5"], ["steps=1e6", "start=scratch"]):
         with pytest.raises(ConfigError, match=wanted):
             robust([str(searched), "model=random", "sample=2", *words])
@@ -116,16 +116,16 @@ def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, tra
 
 def test_what_was_begun_with_the_usual_steps_takes_no_others(searched):
     openeureka.robust(searched, model="random", sample=1)
-    with pytest.raises(ConfigError, match=r"from the best policy; leave `start=` and `steps=` out to continue them"):
+    with pytest.raises(ConfigError, match=r"train with start=best steps=\d+; add both to continue them"):
         openeureka.robust(searched, model="random", sample=1, steps=9)
     assert openeureka.robust(searched, model="random", sample=2).robust is not None
 
 
 def test_what_was_begun_from_scratch_goes_on_so(searched):
     openeureka.robust(searched, model="random", sample=1, start="scratch")
-    with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch; add start=scratch to"):
+    with pytest.raises(ConfigError, match="train with start=scratch steps=0; add both to continue them"):
         openeureka.robust(searched, model="random", sample=2)
-    found = openeureka.robust(searched, model="random", sample=2, start="scratch").robust
+    found = openeureka.robust(searched, model="random", sample=2, start="scratch", steps=0).robust
     assert found is not None and [arm.name for arm in found.arms] == ["plain", "uniform", "r0", "r1"]
 
 

@@ -83,7 +83,7 @@ def test_help_and_a_typing_error_import_nothing_slow(words):
         (("run", "model=random", "env=anymal", "curriculum=no"), "`anymal` has no curriculum"),
         (("run", "model="), "`model` is empty"),
         (("run", "model=local:hub:owner/file.gguf"), "`owner/file.gguf` does not name a file of a model hub; write"),
-        (("run", "model=random", "price=1,2"), "model=random costs nothing; leave price= out."),
+        (("run", "model=random", "price=1,2"), "model=random does not use price=. Leave price= out"),
         (("run", "model=random", "feedback_timeout=60"), "`feedback_timeout` works only with feedback=human; add"),
         (
             ("run", "model=random", "iteration=1", "feedback=human"),

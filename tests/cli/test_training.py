@@ -154,13 +154,12 @@ def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
         (tmp_path / name / "reward.py").write_text(GOOD)
     both = f"{tmp_path}/a/reward.py,{tmp_path}/b c/reward.py"
     assert list(named(TrainConfig(), listed(f"human,{both}"))) == ["human", "a_reward", "b_c_reward"]
-    with pytest.raises(
-        ConfigError, match="names `a_reward` twice; name it once, and train it with more seeds: seeds=2"
-    ):
+    twice = "names `a_reward` twice; give the files different names, or name it once, with seeds=2"
+    with pytest.raises(ConfigError, match=twice):
         named(TrainConfig(), listed(f"{tmp_path}/a/reward.py,{tmp_path}/a/reward.py"))
     (tmp_path / "c" / "a").mkdir(parents=True)
     (tmp_path / "c" / "a" / "reward.py").write_text(GOOD)
-    with pytest.raises(ConfigError, match="names `a_reward` twice; give the files different names"):
+    with pytest.raises(ConfigError, match=twice):
         named(TrainConfig(), listed(f"{tmp_path}/a/reward.py,{tmp_path}/c/a/reward.py"))
 
 

@@ -131,19 +131,12 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
     """
     before = store.hardening()
     policy = before.policy if before is not None else _best(store)
-    usual = {BEST: _half(store, policy), SCRATCH: store.config.steps}
-    wanted = Hardening(policy=policy, anew=start == SCRATCH, steps=steps or usual[start])
+    usual = store.config.steps if start == SCRATCH else _half(store, policy)
+    wanted = Hardening(policy=policy, anew=start == SCRATCH, steps=steps or usual)
     if before is None or before == wanted:
         return wanted
-    kept = SCRATCH if before.anew else BEST
-    words = [f"start={kept}"] if before.anew else []
-    words += [f"steps={before.steps}"] if before.steps != usual[kept] else []
-    said = f"add {' '.join(words)}" if words else "leave `start=` and `steps=` out"
-    each = f"{before.steps} steps" if before.steps else "the task's own number of steps"
-    begun = "from scratch" if before.anew else "from the best policy"
-    raise ConfigError(
-        f"The robust policies of {store.directory} train for {each} each, {begun}; {said} to continue them."
-    )
+    kept = f"start={SCRATCH if before.anew else BEST} steps={before.steps}"
+    raise ConfigError(f"The robust policies of {store.directory} train with {kept}; add both to continue them.")
 
 
 def _half(store: Store, policy: PolicyId) -> int:
@@ -196,11 +189,11 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
     """Ranges by name, for each slot whose reply, or a repair of it, can be used."""
     config, store = lanes.config, lanes.store
     prompt = asked(robot, carries(store, training.policy.lane, robot.quantities), anew=training.anew)
-    found: dict[str, Ranges] = {}
+    found: dict[int, Ranges] = {}
     wrong: dict[int, Prompt] = {}
     reason = ""
     for attempt in range(1 + config.repair):
-        vacant = [slot for slot in range(config.sample) if f"r{slot}" not in found]
+        vacant = [slot for slot in range(config.sample) if slot not in found]
         if attempt:
             for slot in vacant:
                 _draw(lanes, model, wrong[slot], attempt, [slot])
@@ -210,7 +203,7 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
         for slot in vacant:
             reply = replies[slot, attempt].text
             try:
-                found[f"r{slot}"] = robot.read(table_of(reply))
+                found[slot] = robot.read(table_of(reply))
             except ConfigError as error:
                 reason = str(error)
                 said = prompts.clean(reason, prompts.MAX_BRIEF_FEEDBACK)
@@ -219,7 +212,7 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
                 wrong[slot] = prompts.asked_again(wrong.get(slot, prompt), shown, request)
     if not found:
         raise ModelError(f"No reply contains usable ranges: {reason} Ask another model, or add repair=4.")
-    return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
+    return {f"r{slot}": found[slot] for slot in sorted(found)}
 
 
 def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slots: Sequence[int]) -> None:

@@ -74,14 +74,12 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
     """
     if config.model == NO_MODEL:
         raise ConfigError("model=none runs no search; use `eureka train` to train and compare given rewards.")
-    nowhere = config.model.partition(":")[0] in KINDS
-    if nowhere and config.base_url:
-        raise ConfigError(
-            f"model={config.model} does not use base_url=. Leave base_url= out, or name the endpoint's model with "
-            "model=NAME."
-        )
-    if nowhere and config.price:
-        raise ConfigError(f"model={config.model} costs nothing; leave price= out.")
+    for key in ("base_url", "price"):
+        if getattr(config, key) and config.model.partition(":")[0] in KINDS:
+            raise ConfigError(
+                f"model={config.model} does not use {key}=. Leave {key}= out, or name the endpoint's model with "
+                "model=NAME."
+            )
     if config.feedback_timeout and config.feedback == "none":
         raise ConfigError("`feedback_timeout` works only with feedback=human; add that, or leave it out.")
     once = config.iteration == 1 and not config.init

@@ -63,9 +63,9 @@ def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
     names = [_in_folder(word, name) if names.count(name) > 1 else name for name, word in zip(names, words, strict=True)]
     for name in names:
         if names.count(name) > 1:
-            same = len({str(word) for word, own in zip(words, names, strict=True) if own == name}) == 1
-            way = "name it once, and train it with more seeds: seeds=2" if same else "give the files different names"
-            raise ConfigError(f"`reward` names `{name}` twice; {way}.")
+            raise ConfigError(
+                f"`reward` names `{name}` twice; give the files different names, or name it once, with seeds=2."
+            )
     programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in OWN_REWARDS}
     verdicts = judge(config.env, list(programs.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     judged = {name: (programs[name], verdict) for name, verdict in zip(programs, verdicts, strict=True)}
