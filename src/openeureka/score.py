@@ -48,8 +48,8 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
             squares. `played` pools looks with different start states. `lawful` and `tuned` pool trainings, and read
             only costs, which have no error.
     """
-    defined = [look for look in looks if look.fitness is not None] or looks
-    episodes = sum(look.episodes for look in defined)
+    counted = [look for look in looks if look.fitness is not None] or looks
+    episodes = sum(look.episodes for look in counted)
     lost = sum(look.lost for look in looks)
     if not episodes:  # the mean would divide by zero
         return replace(looks[0], lost=lost)
@@ -57,19 +57,19 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
     def total(values: Sequence[float | None]) -> float | None:
         """Mean over episodes."""
         known = [value for value in values if value is not None]
-        weighted = (value * look.episodes for value, look in zip(known, defined, strict=False))
-        return math.fsum(weighted) / episodes if len(known) == len(defined) else None
+        weighted = (value * look.episodes for value, look in zip(known, counted, strict=False))
+        return math.fsum(weighted) / episodes if len(known) == len(counted) else None
 
-    errors = [(look.error or 0.0) * look.episodes for look in defined]
+    errors = [(look.error or 0.0) * look.episodes for look in counted]
     summed = math.fsum(errors) if shared else math.hypot(*errors)
     return replace(
         looks[0],
-        fitness=total([look.fitness for look in defined]),
-        error=summed / episodes if defined[0].error is not None else None,
-        episode_length=total([look.episode_length for look in defined]) or 0.0,
+        fitness=total([look.fitness for look in counted]),
+        error=summed / episodes if counted[0].error is not None else None,
+        episode_length=total([look.episode_length for look in counted]) or 0.0,
         episodes=episodes,
         lost=lost,
-        costs={name: total([look.costs.get(name) for look in defined]) or 0.0 for name in looks[0].costs},
+        costs={name: total([look.costs.get(name) for look in counted]) or 0.0 for name in looks[0].costs},
     )
 
 

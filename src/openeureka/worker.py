@@ -270,11 +270,8 @@ class Worker:
         self.process.wait()
         self._reader.fd = -1  # another pipe may soon get this number, and another thread may be about to read
         for pipe in (self._stdin, self._stdout, self._stderr):
-            if not pipe.closed:
-                try:
-                    pipe.close()
-                except BrokenPipeError:
-                    pass
+            with suppress(BrokenPipeError):
+                pipe.close()
 
     def __enter__(self) -> Worker:
         return self

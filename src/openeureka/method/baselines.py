@@ -49,14 +49,8 @@ def known(env: str, *, played: bool = False) -> Baselines | None:
         peak = max(held_out, key=lambda peak: rank(mean(held_out[peak]))) if played else "fitness"
         return SeedScores(training=tuple(entry[name]["training"]), held_out=tuple(held_out[peak]))
 
-    return Baselines(
-        human=scored("human"),
-        sparse=scored("sparse"),
-        env_steps=entry["env_steps"],
-        worlds=entry["worlds"],
-        device=entry["device"],
-        date=entry["date"],
-    )
+    ends: dict[str, Any] = {"human": scored("human"), "sparse": scored("sparse")}
+    return Baselines(**{**entry, **ends})
 
 
 def chosen(config: RunConfig) -> Baselines | None:

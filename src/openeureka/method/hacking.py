@@ -75,7 +75,7 @@ def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str
     drifting = [
         Tryout(lane=lane, name=PEAK_NAMES[other], peak=other)
         for lane, result in results.items()
-        if _two(result)
+        if _peaked_later(result)
         for other in ("fitness", "reward")
         if other != peaks[lane]
     ]
@@ -100,7 +100,7 @@ def tried(
     ]
 
 
-def _two(result: TrainingResult) -> bool:
+def _peaked_later(result: TrainingResult) -> bool:
     """Whether the own reward peaked later than F, so that training further may have cost F."""
     first, last = result.best_fitness, result.best_reward
     return first is not None and last is not None and last.epoch > first.epoch

@@ -225,12 +225,9 @@ def _siblings(plan: PromptPlan) -> str:
             score += f", cut {entry.result.message}"
         if broken := breach(entry.played, plan.limits):
             score += f", breaks a limit ({broken})"
-        names = (
-            [clean(name, MAX_TERM) for name, _ in entry.sample.verdict.graph.components]
-            if entry.sample.verdict.graph
-            else []
-        )
-        terms = ", ".join(" ".join(name.split()) for name in names[:MAX_TERMS])
+        graph = entry.sample.verdict.graph
+        names = [clean(name, MAX_TERM) for name, _ in graph.components[:MAX_TERMS]] if graph is not None else []
+        terms = ", ".join(" ".join(name.split()) for name in names)
         lines.append(f"- {score}: {terms or 'no terms named'}")
     return "\n".join(lines) + "\n\n"
 

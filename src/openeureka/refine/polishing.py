@@ -160,13 +160,14 @@ def read(
         return None
     began, scores = tries[0].start.policy, _compared(tryouts)
     chosen = next((one for one in tries if one.lane.id in scores), None)
+    after = scores[chosen.lane.id] if chosen is not None else None
     return Polished(
         tries=tuple(tries),
         began=began,
         before=scores.get(began.lane),
         chosen=chosen,
-        after=scores[chosen.lane.id] if chosen is not None else None,
-        breach=breach(scores[chosen.lane.id], limits) if chosen is not None else "",
+        after=after,
+        breach=breach(after, limits),
         breach_before=breach(scores.get(began.lane), limits),
         best=best,
     )

@@ -32,10 +32,10 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"Everything that `{task.env}` observes counts as measurable; leave observe=measurable out.")
     stages = _stages(config) if config.curriculum else ()
-    options: dict[str, object] = {"device": config.device, "threads": config.threads}
-    options |= {"snapshots": directory / "snapshots"}
-    options |= {"address": config.address} if config.address else {}
-    trainer: Trainer = EXECUTORS.make(config.executor, **options)  # last: it may start processes
+    cluster = {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(  # last: it may start processes
+        config.executor, device=config.device, threads=config.threads, snapshots=directory / "snapshots", **cluster
+    )
     return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
 
 
