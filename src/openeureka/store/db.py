@@ -347,6 +347,14 @@ class Database:
         self._connection.close()
 
 
+class Log:
+    """A part of a store: some tables, and the files that go with their rows."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._directory = database.directory
+
+
 def _fits(name: str, kind: str, value: object, optional: bool) -> bool:
     """Whether a column may hold the value: SQLite itself lets any column hold anything."""
     if value is None:

@@ -11,7 +11,7 @@ from ..errors import StoreError, WorkerError
 from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Ranges, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
-from .db import Database, Row
+from .db import Log, Row
 from .rows import (
     damaged,
     decode_digest,
@@ -25,15 +25,8 @@ from .rows import (
 )
 
 
-class LaneLog:
+class LaneLog(Log):
     """The lanes of a store. A lane is written when it begins; its result, scores and policies follow as they come."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
-
-    @property
-    def _directory(self) -> Path:
-        return self._database.directory
 
     def add(self, lanes: Iterable[Lane]) -> None:
         """Store the lanes that are about to train, except those that are stored already."""

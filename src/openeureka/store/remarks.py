@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
-from .db import Database
+from .db import Log
 from .rows import decode_remark, encode_remark
 
 _MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
@@ -17,11 +17,8 @@ _SETTING = re.compile(r"(\w+)=(\S*)")
 _PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
 
-class RemarkLog:
+class RemarkLog(Log):
     """Remarks in the order in which they were made; each enters the history of one generation, for good."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
 
     def say(self, *remarks: Remark) -> None:
         """Commit remarks, all or none; they count for the generation that is asked for next."""

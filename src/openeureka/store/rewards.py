@@ -7,15 +7,12 @@ from collections.abc import Mapping, Sequence
 from ..codec import encode
 from ..types import OWN_REWARDS, Attempt, Candidate, CandidateId, Message, Reply, RewardProgram, Verdict
 from . import artifacts
-from .db import Database
+from .db import Log
 from .rows import decode_messages, decode_verdict, encode_messages
 
 
-class RewardLog:
+class RewardLog(Log):
     """Reward programs with their verdicts, which replies hold them, and the names of rewards that no model wrote."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
 
     def save_attempt(
         self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
@@ -39,9 +36,9 @@ class RewardLog:
     def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
         """`reply` is the first one that held this program."""
         folder = f"candidates/{candidate.id}"
-        artifacts.write(self._database.directory, f"{folder}/reward.py", candidate.source)
-        artifacts.write(self._database.directory, f"{folder}/reply.txt", reply.text)
-        artifacts.write(self._database.directory, f"{folder}/verdict.json", encode(verdict, indent=2))
+        artifacts.write(self._directory, f"{folder}/reward.py", candidate.source)
+        artifacts.write(self._directory, f"{folder}/reply.txt", reply.text)
+        artifacts.write(self._directory, f"{folder}/verdict.json", encode(verdict, indent=2))
         row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode(verdict)}
         self._database.put("verdicts", row)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from ..codec import encode
 from ..types import GIVEN, Message, Place, Prompt, Reply, Screened, Usage
 from . import artifacts
-from .db import Database
+from .db import Log
 from .rows import (
     decode_messages,
     decode_place,
@@ -20,12 +20,9 @@ from .rows import (
 )
 
 
-class TalkLog:
+class TalkLog(Log):
     """Prompts and replies by slot, and the model's proposals of ranges. A reply is stored before anything else is done
     with it."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
 
     def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
         """Store a prompt, its slots and the candidate to improve. `messages.json` shows people all prompts."""
@@ -37,7 +34,7 @@ class TalkLog:
             {"generation": generation, "slot": slot, "messages": messages}
             for (generation, slot), messages in self.prompts().items()
         ]
-        artifacts.write(self._database.directory, "messages.json", encode(asked, indent=2))
+        artifacts.write(self._directory, "messages.json", encode(asked, indent=2))
 
     def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
         """Store for some slots which prompt fills them, by its first slot, and which candidate it asks to improve."""
@@ -104,11 +101,8 @@ class TalkLog:
         return {(row["slot"], row["attempt"]): decode_reply(row) for row in rows}
 
 
-class ScreenLog:
+class ScreenLog(Log):
     """The screen's decisions. Those of a generation are saved at once, because they compare its slots."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
 
     def save(self, decisions: Iterable[Screened]) -> None:
         self._database.put("screens", *map(encode_screened, decisions))
