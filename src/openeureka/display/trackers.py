@@ -131,8 +131,7 @@ class Mirror:
             case Generation() if self._under_way:  # a resumed run first repeats generations that the tracker knows
                 self._generation(event)
             case Outcome():
-                scores = [score for score in event.method.scores if score is not None]
-                if scores:
+                if scores := event.method.scores:
                     self._tell("numbers", {"held-out F": sum(scores) / len(scores)})
             case _:
                 pass
