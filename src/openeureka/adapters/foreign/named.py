@@ -96,9 +96,8 @@ def surveyed(env: str, about: Description) -> Survey:
 def _part(name: str, shape: tuple[int, ...], counts: tuple[int, ...], starts: tuple[int, ...]) -> Part:
     path = (name,) if name else ()
     if counts:
-        space = spaces.MultiDiscrete(np.array(counts), start=np.array(starts))
-        return Part(path, spaces.Discrete(counts[0], start=starts[0]) if not shape else space, (sum(counts),))
-    return Part(path, spaces.Box(-math.inf, math.inf, shape or (1,)), shape or (1,))
+        return Part(path, "MultiDiscrete" if shape else "Discrete", (sum(counts),), counts, starts)
+    return Part(path, "Box", shape or (1,))
 
 
 def _use(name: str, shape: tuple[int, ...], meaning: str) -> StateUse:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
-
-from gymnasium import spaces
 
 from ...drafting.source import declared, template
 from ...errors import TaskError
@@ -14,7 +12,6 @@ from ...reward.graph import spelled
 from ...reward.validate import inputs
 from ...types import RewardGraph, StateSpec
 from .documents import WHOLE
-from .spaces import Part
 
 if TYPE_CHECKING:
     from .task import PaidTask
@@ -53,23 +50,16 @@ def _quoted(text: str) -> str:
     return repr(plain) if '"' in plain else f'"{plain}"'
 
 
-def wrapper(
-    env: str,
-    keywords: Mapping[str, Any],
-    spec: StateSpec,
-    places: Mapping[str, slice | str],
-    parts: Iterable[Part],
-    graph: RewardGraph,
-    program: str,
-) -> str:
+def wrapper(task: type[PaidTask], graph: RewardGraph, program: str) -> str:
     """Source of the wrapper. Raises TaskError if the reward reads a variable that a task file computes itself."""
+    env, spec, places = task.survey.env, task.spec, task.places
     known = read(env, graph, (*places, *WHOLE))
     return template("wrapper.py.jinja").render(
         env=env,
-        make=", ".join((f'"{env}"', *(f"{key}={value!r}" for key, value in keywords.items()))),
+        make=", ".join((f'"{env}"', *(f"{key}={value!r}" for key, value in task.keywords.items()))),
         program=program,
         places=pformat({name: _place(name, places[name], spec) for name in known if name in places}, width=118),
-        parts=pformat([_part(part) for part in parts], width=118),
+        parts=pformat([(part.path, part.counts, part.starts) for part in task.survey.parts], width=118),
         reward=spelled(graph, spec),
     )
 
@@ -88,12 +78,3 @@ def read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
 
 def _place(name: str, place: slice | str, spec: StateSpec) -> Any:
     return (place, spec[name].shape) if isinstance(place, str) else (place.start, place.stop, spec[name].shape)
-
-
-def _part(part: Part) -> tuple[Any, ...]:
-    space = part.space
-    if isinstance(space, spaces.Discrete):
-        return part.path, (int(space.n),), (int(space.start),)
-    if isinstance(space, spaces.MultiDiscrete):
-        return part.path, tuple(space.nvec.reshape(-1).tolist()), tuple(space.start.reshape(-1).tolist())
-    return part.path, (), ()

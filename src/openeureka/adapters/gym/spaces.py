@@ -26,31 +26,28 @@ class Part:
 
     path: tuple[str | int, ...]
     """Keys that lead to it; none where the whole observation is one array."""
-    space: Space[Any]
+    kind: str
+    """Class of its space."""
     shape: tuple[int, ...]
     """In the vector, where whole numbers are one-hot."""
+    counts: tuple[int, ...] = ()
+    """How many values each whole number has; empty for any other array."""
+    starts: tuple[int, ...] = ()
+    """The first value of each whole number."""
 
     @property
     def size(self) -> int:
         return int(np.prod(self.shape, dtype=int))
 
     @property
-    def counted(self) -> bool:
-        """Whether it holds whole numbers, so that its columns are one-hot."""
-        return isinstance(self.space, spaces.Discrete | spaces.MultiDiscrete)
-
-    @property
     def columns(self) -> list[str]:
         """What each column is."""
-        if isinstance(self.space, spaces.Discrete):
-            seen = [f"{self.space.start + value}" for value in range(int(self.space.n))]
-        elif isinstance(self.space, spaces.MultiDiscrete):
-            firsts, counts = self.space.start.reshape(-1), self.space.nvec.reshape(-1)
-            numbers = enumerate(zip(firsts, counts, strict=True), start=1)
-            seen = [f"{first + i} as number {place}" for place, (first, count) in numbers for i in range(count)]
-        else:
+        if not self.counts:
             return [f"column {i} of the observation" for i in range(self.size)]
-        return [f"1 where it observes {value}, else 0" for value in seen]
+        numbers = enumerate(zip(self.starts, self.counts, strict=True), start=1)
+        seen = [(first + i, place) for place, (first, count) in numbers for i in range(count)]
+        alone = self.kind == "Discrete"
+        return [f"1 where it observes {value}{'' if alone else f' as number {place}'}, else 0" for value, place in seen]
 
     def of(self, observation: Any) -> np.ndarray:
         """The array's value in an observation, or in a batch of them."""
@@ -61,12 +58,8 @@ class Part:
     def rows(self, observations: Any) -> np.ndarray:
         """(N, size) float32, of the observations of N worlds as a vector environment batches them."""
         array = self.of(observations)
-        if isinstance(self.space, spaces.Discrete):
-            return _ones(array.reshape(-1, 1) - self.space.start, [int(self.space.n)])
-        if isinstance(self.space, spaces.MultiDiscrete):
-            counts = self.space.nvec.reshape(-1)
-            return _ones(array.reshape(len(array), -1) - self.space.start.reshape(-1), counts.tolist())
-        return array.reshape(len(array), -1).astype(np.float32)
+        array = array.reshape(len(array), -1)
+        return _ones(array - self.starts, self.counts) if self.counts else array.astype(np.float32)
 
 
 def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
@@ -98,18 +91,27 @@ def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator
     elif isinstance(space, spaces.Tuple):
         for number, inner in enumerate(space.spaces):
             yield from _parts(inner, (*path, number), env)
-    elif isinstance(space, spaces.Discrete):
-        yield Part(path, space, (int(space.n),))
-    elif isinstance(space, spaces.MultiDiscrete):
-        yield Part(path, space, (int(space.nvec.sum()),))
+    elif isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
+        counts, starts = _options(space)
+        yield Part(path, type(space).__name__, (sum(counts),), counts, starts)
     elif isinstance(space, spaces.Box) and _is_picture(space):
         raise TaskError(f"`{env}` observes pictures, which no policy here can read; wrap it to observe numbers.")
     elif isinstance(space, spaces.Box | spaces.MultiBinary):
-        yield Part(path, space, space.shape or (1,))
+        yield Part(path, type(space).__name__, space.shape or (1,))
     elif space.dtype is None or space.dtype.kind != "U":  # texts, whatever class they are of
         raise TaskError(
             f"`{env}` observes a {type(space).__name__}, which has no fixed size; wrap it to observe a Box."
         )
+
+
+def _options(space: Space[Any]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """How many options each choice of a space has, and the number of the first one; nothing for other spaces."""
+    if isinstance(space, spaces.Discrete):
+        return (int(space.n),), (int(space.start),)
+    if isinstance(space, spaces.MultiDiscrete):
+        return tuple(space.nvec.reshape(-1).tolist()), tuple(space.start.reshape(-1).tolist())
+    bits = int(np.prod(space.shape)) if isinstance(space, spaces.MultiBinary) else 0
+    return (2,) * bits, (0,) * bits
 
 
 def _is_picture(space: spaces.Box) -> bool:
@@ -125,6 +127,8 @@ class Actions:
     size: int
     choices: tuple[int, ...] = ()
     """Number of options of each choice; empty for a Box."""
+    starts: tuple[int, ...] = ()
+    """Number of the first option of each choice."""
 
     def taken(self, actions: Tensor) -> np.ndarray:
         """Actions (N, size) as the environment takes them, with a leading axis N.
@@ -138,11 +142,7 @@ class Actions:
             scaled = np.clip(middle + half * actions.double().numpy(), low, high)
             scaled = np.rint(scaled) if space.dtype.kind in "iu" else scaled
             return scaled.astype(space.dtype).reshape(-1, *space.shape)
-        picked = indices(actions, self.choices).numpy()
-        if isinstance(space, spaces.Discrete):
-            return picked[:, 0] + space.start
-        if isinstance(space, spaces.MultiDiscrete):
-            return (picked + space.start.reshape(-1)).reshape(-1, *space.shape).astype(space.dtype)
+        picked = indices(actions, self.choices).numpy() + self.starts
         return picked.reshape(-1, *(space.shape or ())).astype(space.dtype)
 
     def seen(self, actions: Tensor) -> Tensor:
@@ -162,9 +162,7 @@ class Actions:
         if not self.choices:
             low, high = self.taken(torch.tensor([[-1.0], [1.0]]).expand(2, self.size)).reshape(2, -1).tolist()
             return {"action_low": low, "action_high": high}
-        first = torch.zeros(1, self.size)
-        first[0, np.cumsum([0, *self.choices[:-1]])] = 1.0
-        return {"action_options": list(self.choices), "action_first": self.taken(first).reshape(-1).tolist()}
+        return {"action_options": list(self.choices), "action_first": list(self.starts)}
 
 
 def _range(space: spaces.Box) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -183,15 +181,10 @@ def actions(space: Space[Any], env: str) -> Actions:
     """Raises TaskError for a space that no policy here can act in."""
     if isinstance(space, spaces.Box):
         return Actions(space, int(np.prod(space.shape, dtype=int)))
-    if isinstance(space, spaces.Discrete):
-        choices = (int(space.n),)
-    elif isinstance(space, spaces.MultiDiscrete):
-        choices = tuple(space.nvec.reshape(-1).tolist())
-    elif isinstance(space, spaces.MultiBinary):
-        choices = (2,) * int(np.prod(space.shape))
-    else:
+    choices, starts = _options(space)
+    if not choices:
         raise TaskError(
             f"`{env}` has actions of the space {type(space).__name__}; policies here know Box, Discrete, MultiDiscrete "
             "and MultiBinary: wrap the environment."
         )
-    return Actions(space, sum(choices), choices)
+    return Actions(space, sum(choices), choices, starts)

@@ -199,7 +199,7 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
             return [(StateVar("observation", meaning, single.shape, use="raw"), slice(0, single.size))]
         # A table of whole numbers names the numbers, not their one-hot columns.
         bare = documents.bare(found.env)
-        named = documents.columns(found.document, bare, single.size) if not single.counted else []
+        named = documents.columns(found.document, bare, single.size) if not single.counts else []
         if not named and single.size <= MAX_COLUMNS:
             named = [(f"observation_{i}", meaning) for i, meaning in enumerate(single.columns)]
         columns = [
@@ -212,9 +212,8 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
     start = 0
     for name, part in zip(names, found.parts, strict=True):
         use = documents.use_of(name) if len(part.shape) == 1 else "raw"
-        kind = type(part.space).__name__
-        meaning = f"`{'.'.join(map(str, part.path))}` of the observation, a {kind}"
-        meaning += ": a one for its value, and zeros" if kind in ("Discrete", "MultiDiscrete") else ""
+        meaning = f"`{'.'.join(map(str, part.path))}` of the observation, a {part.kind}"
+        meaning += ": a one for its value, and zeros" if part.counts else ""
         made.append((StateVar(name, meaning, part.shape, use=use), slice(start, start + part.size)))
         start += part.size
     return made

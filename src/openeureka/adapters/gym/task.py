@@ -62,7 +62,7 @@ class PaidTask(Task):
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
-        return wrapper(cls.survey.env, cls.keywords, cls.spec, cls.places, cls.survey.parts, graph, program)
+        return wrapper(cls, graph, program)
 
     @classmethod
     def acting(cls) -> dict[str, list[float]]:
