@@ -4,10 +4,10 @@ import mujoco
 import pytest
 
 from openeureka.drafting.aim import find_aim
+from openeureka.drafting.source import identifier
 from openeureka.drafting.survey import Survey
 from openeureka.drafting.table import StateTable
 from openeureka.errors import TaskError
-from openeureka.tasks.anatomy import identifier
 
 # An arm, two cubes, of which the blue one slides along x, and a goal on a mocap body.
 TABLE = """

@@ -10,7 +10,6 @@ import keyword
 import os
 import re
 import shlex
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +17,16 @@ import mujoco
 import numpy as np
 
 from ..errors import TaskError
-from ..tasks.anatomy import columns, named
+from ..tasks.anatomy import named
 from ..tasks.start import SWAY, at_start, sway
 from ..tasks.task import INTEGRATOR
 from ..tasks.urdf import read_urdf
 from ..text import nameable
 from .aim import Aim, find_aim
 from .controls import controls
-from .source import declared, template
+from .source import columns, declared, number, quoted, template, tuple_of
 from .survey import Survey
-from .table import FIELDS, StateTable, Variable, quoted
+from .table import FIELDS, StateTable, Variable
 
 CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""
@@ -112,16 +111,16 @@ def draft(
         variables=[(variable.name, _declared(variable), variable.value) for variable in variables],
         observed=[_observed(variable) for variable in variables if variable.seen],
         observations=sum(len(variable.seen) for variable in variables) + goal_size,
-        joints=_tuple([quoted(joint) for joint in table.joints]),
+        joints=tuple_of([quoted(joint) for joint in table.joints]),
         found=table.lines,
         read=[field for field in FIELDS if any(f"self.{field}[" in text for text in (wanted, *values))],
         placed=_placed(model),
-        controls=_tuple([_row((low, high)) for low, high, _ in inputs]),
+        controls=tuple_of([f"({number(low)}, {number(high)})" for low, high, _ in inputs]),
         guessed=guessed,
         sways=bool(sway(model).any()),
         sway=SWAY,
         substeps=substeps,
-        control_dt=_number(substeps * timestep),
+        control_dt=number(substeps * timestep),
         episode=max(2, round(SECONDS / (substeps * timestep))),
         model=model,
     )
@@ -151,7 +150,7 @@ def _is_urdf(robot: Path) -> bool:
 
 
 def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
-    mujoco.set_mju_user_warning(_ignore)
+    mujoco.set_mju_user_warning(lambda _: None)  # its own handler would write a log file into the working directory
     try:
         spec = read_urdf(robot, floating=floating) if urdf else mujoco.MjSpec.from_file(str(robot))
         spec.option.integrator = INTEGRATOR
@@ -164,10 +163,6 @@ def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
     if not model.nu:
         raise TaskError(f"{robot} has no actuators, so nothing can move it; add some to the model.")
     return model
-
-
-def _ignore(_: str) -> None:
-    """MuJoCo's own handler would write a log file into the working directory."""
 
 
 def _declared(variable: Variable) -> str:
@@ -200,28 +195,6 @@ def _placed(model: mujoco.MjModel) -> list[str]:
     drawn = mujoco.MjData(model)
     fields = ("qvel", "act", "mocap_pos", "mocap_quat")
     return [field for field in fields if not np.allclose(at_start(model, field), getattr(drawn, field))]
-
-
-def _number(value: float) -> str:
-    return repr(float(f"{value:.6g}"))
-
-
-def _row(values: Sequence[float]) -> str:
-    return f"({', '.join(map(_number, values))})"
-
-
-def _tuple(items: Sequence[str]) -> str:
-    """Python for a tuple, in lines of 120 characters."""
-    if len(items) > 1 and len(set(items)) == 1:
-        return f"({items[0]},) * {len(items)}"
-    lines = [""]
-    for item in items:
-        if len(lines[-1]) + len(item) > 100:
-            lines.append("")
-        lines[-1] += f"{item}, "
-    if len(lines) == 1:
-        return f"({lines[0].strip() if len(items) == 1 else lines[0].rstrip(', ')})"
-    return "(\n" + "".join(f"    {line.rstrip()}\n" for line in lines) + ")"
 
 
 def _place(path: Path, robot: Path) -> str:

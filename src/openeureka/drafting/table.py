@@ -6,15 +6,15 @@ edited.
 
 from __future__ import annotations
 
-import json
 import keyword
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from ..tasks.anatomy import BALL, FREE, HINGE, SLIDE, along_x, axis, identifier, name_of, named, scalar_joints
-from ..tasks.sensors import readings
+from ..tasks.anatomy import BALL, FREE, HINGE, SLIDE, along_x, axis, name_of, named, scalar_joints
 from ..tasks.task import Task
 from ..types import StateUse
+from .sensors import readings
+from .source import identifier, quoted
 from .survey import Point, Survey
 
 _OF_BODIES = ("pos", "quat", "linvel", "angvel")
@@ -265,8 +265,3 @@ class StateTable:
             name += "_"
         self._taken.add(name)
         return name
-
-
-def quoted(name: str) -> str:
-    """A name as a Python literal, whatever characters it has."""
-    return json.dumps(name, ensure_ascii=False)

@@ -29,7 +29,8 @@ class CpuSimulator(Simulator):
     """
 
     def __init__(self, model: mujoco.MjModel, num_worlds: int, threads: int = 0) -> None:
-        mujoco.set_mju_user_warning(_ignore)
+        # Warnings are counted per world; MuJoCo's own handler would write a log file into the working directory.
+        mujoco.set_mju_user_warning(lambda _: None)
         self.num_worlds = num_worlds
         self.device = torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
@@ -147,7 +148,3 @@ def _indices(worlds: Tensor) -> np.ndarray:
 
 def _float32(array: np.ndarray) -> Tensor:
     return torch.from_numpy(array.astype(np.float32))
-
-
-def _ignore(_: str) -> None:
-    """Warnings are counted per world; MuJoCo's own handler would write a log file into the working directory."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import unicodedata
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -182,16 +180,3 @@ def named(model: mujoco.MjModel, kind: str, index: int) -> str:
 
 def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
     return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
-
-
-def identifier(name: str) -> str:
-    """A name that rewards may use: in ASCII, without accents, and never with two leading underscores."""
-    ascii = "".join(char for char in unicodedata.normalize("NFKD", name) if not unicodedata.combining(char))
-    found = re.sub(r"\W", "_", ascii, flags=re.ASCII).lstrip("_") or "part"
-    return f"_{found}" if found[0].isdigit() else found
-
-
-def columns(indices: Sequence[int]) -> str:
-    """Python code that picks columns: a slice where they are consecutive, else a list."""
-    first, last = indices[0], indices[-1]
-    return f"{first}:{last + 1}" if list(indices) == list(range(first, last + 1)) else f"{list(indices)}"
