@@ -104,6 +104,14 @@ def odd(folder: Path, model: str = ODDITIES) -> Path:
     return robot
 
 
+def test_a_model_in_a_folder_with_a_quotation_mark_in_its_name_is_found(tmp_path: Path):
+    folder, elsewhere = tmp_path / '5" wheels', tmp_path / "elsewhere"
+    for place in (folder, elsewhere):
+        place.mkdir()
+    for place in (tmp_path, elsewhere):  # the path is relative to the first, and absolute from the second
+        assert make(drafted(place, odd(folder, TABLE)), worlds=1).task.model().bodies
+
+
 @pytest.mark.filterwarnings("ignore:compiler attribute")
 @pytest.mark.parametrize("robot", sorted(ROBOTS.glob("*.xml")), ids=lambda path: path.stem)
 def test_every_robot_of_gymnasium_becomes_a_task_that_steps(tmp_path: Path, robot: Path):

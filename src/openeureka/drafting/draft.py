@@ -201,5 +201,5 @@ def _place(path: Path, robot: Path) -> str:
     """Python for the model's path: relative to the task file if the model is in its folder or below, else absolute."""
     folder, robot = path.resolve().parent, robot.resolve()
     if robot.is_relative_to(folder):
-        return f'Path(__file__).parent / "{os.path.relpath(robot, folder)}"'
-    return f'Path("{robot}")'
+        return f"Path(__file__).parent / {quoted(os.path.relpath(robot, folder))}"
+    return f"Path({quoted(str(robot))})"
