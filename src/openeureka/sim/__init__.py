@@ -28,14 +28,15 @@ def check_device(device: str) -> None:
     if device == "warp-cpu":
         return
     gpus = torch.cuda.device_count()  # does not initialise CUDA
+    seen = f"torch sees {gpus} GPU{'s' if gpus > 1 else ''}"
     if not gpus:
         raise ConfigError(f"device={device} needs an NVIDIA GPU that torch can use, but there is none; use device=cpu.")
     if int(device.partition(":")[2] or 0) >= gpus:
-        raise ConfigError(f"There is no device {device}: torch sees {gpus} GPU{'s' if gpus > 1 else ''}.")
+        raise ConfigError(f"There is no device {device}: {seen}.")
     if (usable := _warp_gpus()) < gpus:
         raise ConfigError(
-            f"device={device} needs a newer NVIDIA driver: torch sees {gpus} GPU{'s' if gpus > 1 else ''}, but MuJoCo "
-            f"Warp can use {usable or 'none'}; update the driver, or use device=cpu."
+            f"device={device} needs a newer NVIDIA driver: {seen}, but MuJoCo Warp can use {usable or 'none'}; update "
+            "the driver, or use device=cpu."
         )
 
 

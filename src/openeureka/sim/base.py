@@ -23,6 +23,11 @@ def derives(field: str) -> bool:
     return field in mujoco.MjModel._setconst_inputs or field.startswith("opt.")
 
 
+def aligned(worlds: Tensor, values: Tensor) -> Tensor:
+    """A mask or a factor for each world (N,), in the shape that broadcasts over `values` (N, ...)."""
+    return worlds.view(-1, *[1] * (values.dim() - 1))
+
+
 class Worlds(ABC):
     """N worlds that step side by side, in any kind of simulator.
 

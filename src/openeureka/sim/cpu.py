@@ -14,7 +14,6 @@ from ..cores import usable_cores
 from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator, derives
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL
-_ALL = slice(None)
 
 
 class CpuSimulator(Simulator):
@@ -113,7 +112,7 @@ class CpuSimulator(Simulator):
         if self._expanded:
             self._batch.set_const()
 
-    def _pull(self, worlds: np.ndarray | slice = _ALL) -> None:
+    def _pull(self, worlds: np.ndarray | slice = slice(None)) -> None:
         for array, mirror in self._mirrors.values():
             mirror.numpy()[worlds] = array[worlds]
 

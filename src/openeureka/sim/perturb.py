@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from operator import attrgetter
 
 import mujoco
 import numpy as np
 import torch
 from torch import Tensor
 
-from .base import Simulator
+from .base import Simulator, aligned
 
 Masks = dict[str, np.ndarray]
 """By field of MjModel, a mask of the entries that a factor scales."""
@@ -30,7 +31,7 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
         "gravity": ("opt.gravity",),
     }
     if factor in whole:
-        return {field: _value(model, field) != 0 for field in whole[factor]}
+        return {field: attrgetter(field)(model) != 0 for field in whole[factor]}
     if factor == "friction":
         touches = (model.geom_contype | model.geom_conaffinity) != 0
         found = {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
@@ -89,12 +90,7 @@ class Perturbed:
     def write(self, factors: Mapping[str, Tensor], worlds: Tensor) -> None:
         """Scale the models of the worlds (N,) bool by factors (N,); a `forward` of them must follow."""
         for field, values in self._fields.items():
-            wide = [-1, *[1] * (values.dim() - 1)]
             new = self._own[field]
             for factor, mask in self._masks[field].items():
-                new = torch.where(mask, new * factors[factor].view(wide), new)
-            values.copy_(torch.where(worlds.view(wide), new, values))
-
-
-def _value(model: mujoco.MjModel, field: str) -> np.ndarray:
-    return model.opt.gravity if field == "opt.gravity" else getattr(model, field)
+                new = torch.where(mask, new * aligned(factors[factor], new), new)
+            values.copy_(torch.where(aligned(worlds, values), new, values))

@@ -17,7 +17,7 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
 from ..errors import CapacityError
-from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator, derives
+from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator, aligned, derives
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
@@ -109,7 +109,7 @@ class WarpSimulator(Simulator):
             _put(self._defaults[name][0], self.bad, self._defaults[name][1])
         for name, tensor in self._bound.items():
             if name not in self._defaults:
-                tensor.masked_fill_(self.bad.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
+                tensor.masked_fill_(aligned(self.bad, tensor), 0.0)
 
     def reset(self, worlds: Tensor) -> None:
         chosen = self._mask(worlds)
@@ -268,4 +268,4 @@ def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array
 
 def _put(tensor: Tensor, chosen: Tensor, values: Tensor) -> None:
     """Write the rows (N, ...) that `chosen` (N,) picks, without asking the device how many there are."""
-    tensor.copy_(torch.where(chosen.view(-1, *[1] * (tensor.dim() - 1)), values, tensor))
+    tensor.copy_(torch.where(aligned(chosen, tensor), values, tensor))

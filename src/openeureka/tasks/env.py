@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..errors import TaskError
+from ..sim.base import aligned
 from . import faults
 from .choices import chosen
 from .noise import WorldNoise
@@ -101,26 +101,10 @@ class BatchedEnv:
             self._whole = self.task.progress == 0
         state = self.task.compute_state()
         faults.check_variables(self.task, state)
-        self._refuse_views(state)
+        faults.check_views(self.task, state)
         state["obs_buf"] = self.task.observe(state)
         faults.check_observation(self.task, state)
         return self._observe(state)
-
-    def _refuse_views(self, state: State) -> None:
-        """Raises TaskError where a state variable is the memory of the simulator or of the task: recorded states would
-        change, and the last step of an episode would be paid for the state after the reset."""
-        task = self.task
-        remembered = {name: getattr(task, name) for name in (*task.memory, "progress")}
-        owners = {value.untyped_storage().data_ptr(): f"`self.{name}`" for name, value in remembered.items()}
-        owners |= {value.untyped_storage().data_ptr(): "what `bind` returns" for value in self.sim.memory().values()}
-        tensors = {name: value for name, value in state.items() if isinstance(value, Tensor) and value.numel()}
-        owned = {name: owners.get(value.untyped_storage().data_ptr()) for name, value in tensors.items()}
-        if views := {f"`{name}`": owner for name, owner in owned.items() if owner is not None}:
-            called, whose = (", ".join(dict.fromkeys(words)) for words in (views, views.values()))
-            raise TaskError(
-                f"{called} of the task `{task.env}` would change after being recorded, as the tensor belongs to the"
-                f" simulator or to the task; in `compute_state`, add .clone() to {whose}."
-            )
 
     def state_dict(self, worlds: slice = slice(None)) -> dict[str, Any]:
         """All that the next step of these worlds depends on, copied; every tensor has the axis of worlds first."""
@@ -212,7 +196,7 @@ class BatchedEnv:
         self.sim.reset(done)
         task.reset(torch.arange(self.num_worlds, device=done.device))
         for value, before in [*fields, *((getattr(task, name), value) for name, value in memory)]:
-            value.copy_(torch.where(done.view(-1, *[1] * (value.dim() - 1)), value, before))
+            value.copy_(torch.where(aligned(done, value), value, before))
         task.noise.draws.copy_(torch.where(done, task.noise.draws, draws))
         self.sim.forward(done)
 

@@ -134,6 +134,22 @@ def check_variables(task: Task, state: Mapping[str, Any]) -> None:
                 _expect_float(task, "compute_state", f"`{variable.name}`", state[variable.name])
 
 
+def check_views(task: Task, state: Mapping[str, Any]) -> None:
+    """Raises TaskError where a state variable is the memory of the simulator or of the task: recorded states would
+    change, and the last step of an episode would be paid for the state after the reset."""
+    remembered = {name: getattr(task, name) for name in (*task.memory, "progress")}
+    owners = {value.untyped_storage().data_ptr(): f"`self.{name}`" for name, value in remembered.items()}
+    owners |= {value.untyped_storage().data_ptr(): "what `bind` returns" for value in task.sim.memory().values()}
+    tensors = {name: value for name, value in state.items() if isinstance(value, Tensor) and value.numel()}
+    owned = {name: owners.get(value.untyped_storage().data_ptr()) for name, value in tensors.items()}
+    if views := {f"`{name}`": owner for name, owner in owned.items() if owner is not None}:
+        called, whose = (", ".join(dict.fromkeys(words)) for words in (views, views.values()))
+        raise TaskError(
+            f"{called} of the task `{task.env}` would change after being recorded, as the tensor belongs to the"
+            f" simulator or to the task; in `compute_state`, add .clone() to {whose}."
+        )
+
+
 def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
     """Every tensor that a task holds, with a number that grows when it is written to."""
     return {name: (value, value._version) for name, value in task.tensors().items()}
@@ -198,8 +214,7 @@ def check_observation(task: Task, state: Mapping[str, Any]) -> None:
 
 def per_world(task: Task, method: str, value: Any) -> Tensor:
     """The value, one number per world. Raises TaskError where it is anything else."""
-    if not isinstance(value, Tensor) or value.shape != (task.num_envs,):
-        _expect(task, method, "a value", value, (task.num_envs,), "one per world")
+    _expect(task, method, "a value", value, (task.num_envs,), "one per world")
     return value
 
 

@@ -15,6 +15,7 @@ from unittest import SkipTest
 import torch
 from torch import Tensor
 
+from openeureka.sim.base import aligned
 from openeureka.tasks.context import context
 from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.human import program
@@ -139,7 +140,7 @@ class TaskConformance:
         for strange in (torch.nan, 1000.0, -1000.0):
             worlds = torch.arange(6) == 2
             state = {
-                name: value.masked_fill(worlds.view(-1, *[1] * (value.dim() - 1)), strange) if name in own else value
+                name: value.masked_fill(aligned(worlds, value), strange) if name in own else value
                 for name, value in step.state.items()
             }
             _check_alone(_judged(simulation.task, state, step.ended), expected, ~worlds)
