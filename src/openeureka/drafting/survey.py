@@ -241,11 +241,8 @@ class Survey:
 
     def depth(self, body: int) -> int:
         """Driven joints between a body and the world."""
-        bodies, count = [int(self.model.jnt_bodyid[joint]) for joint in self._driven], 0
-        while body:
-            count += bodies.count(body)
-            body = int(self.model.body_parentid[body])
-        return count
+        before = carrying(self.model, body)
+        return sum(joint in before for joint in self._driven)
 
     def _objects(self) -> list[Point]:
         """Loose objects: bodies on a free or sliding joint that no actuator moves."""

@@ -12,18 +12,19 @@ from ...types import RewardGraph, StateSpec
 from ..gym.export import read
 from . import scene
 
-_TITLES = {"mjlab": "mjlab", "isaaclab": "Isaac Lab"}
-_TERM = {
-    "mjlab": "from mjlab.managers.reward_manager import RewardTermCfg",
-    "isaaclab": "from isaaclab.managers import RewardTermCfg",
+_SUITES = {
+    "mjlab": ("mjlab", "from mjlab.managers.reward_manager import RewardTermCfg"),
+    "isaaclab": ("Isaac Lab", "from isaaclab.managers import RewardTermCfg"),
 }
+"""What a suite is called, and how its reward terms are imported."""
 
 
 def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: str) -> str:
     """The text of the file. Raises TaskError for a suite without reward managers, and for a reward that reads the
     observation, which these suites compute after the reward."""
-    if suite not in _TITLES:
+    if suite not in _SUITES:
         raise TaskError(f"Rewards cannot be exported for the suite of `{env}`; the best reward is `best/reward.py`.")
+    title, term = _SUITES[suite]
     names = [name for name in spec.names if name not in ("obs_buf", "previous_obs_buf")]
     known = read(env, graph, names)
     readers = [scene.scene_state, *([scene.attribute_state] if suite == "isaaclab" else [])]
@@ -34,12 +35,12 @@ def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: st
     }
     return template("terms.py.jinja").render(
         env=env.partition("+")[0],
-        title=_TITLES[suite],
+        title=title,
         direct=suite == "isaaclab",
         program=program,
         fields=pformat(fields, width=118),
         buffers=scene.BUFFERS,
         readers="\n\n".join(inspect.getsource(reader) for reader in readers),
         reward=spelled(graph, spec),
-        term=_TERM[suite],
+        term=term,
     )

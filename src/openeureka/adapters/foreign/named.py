@@ -127,9 +127,10 @@ class ForeignWorlds(GymWorlds):
     """
 
     _vector: Link
+    _anew = False
+    """Whether the next step begins new episodes."""
 
     def _opened(self, make: Callable[..., Link], num_worlds: int) -> Link:
-        self._anew = False
         return make(worlds=num_worlds)
 
     def step(self, substeps: int) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
-from ...drafting.source import declared, template
+from ...drafting.source import declared, quoted, template
 from ...errors import TaskError
 from ...reward.graph import spelled
 from ...reward.validate import inputs
@@ -34,7 +34,7 @@ def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
         description=(intent or task.description).replace("\\", "/").replace('"', "'"),
         places=[(variable, _written(place)) for variable, place in task.places.items()],
         variables=[
-            declared(variable.name, _quoted(variable.meaning), variable.shape, variable.use)
+            declared(variable.name, quoted(" ".join(variable.meaning.split())), variable.shape, variable.use)
             for variable in task.spec.variables
         ],
         example=next((variable for variable, _ in task.places.items()), "obs_buf"),
@@ -43,11 +43,6 @@ def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
 
 def _written(place: slice | str) -> str:
     return f'"{place}"' if isinstance(place, str) else f"slice({place.start}, {place.stop})"
-
-
-def _quoted(text: str) -> str:
-    plain = " ".join(text.split()).replace("\\", "/")
-    return repr(plain) if '"' in plain else f'"{plain}"'
 
 
 def wrapper(task: type[PaidTask], graph: RewardGraph, program: str) -> str:

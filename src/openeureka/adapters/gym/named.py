@@ -136,8 +136,7 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
         try:
             if package:
                 importlib.import_module(package)
-            spec = gymnasium.spec(bare)
-            modes = _render_modes(spec)
+            modes = (getattr(_maker(gymnasium.spec(bare)), "metadata", None) or {}).get("render_modes", ())
             make = functools.partial(gymnasium.make, bare, disable_env_checker=True, **keywords)
             try:
                 return make(render_mode="rgb_array") if "rgb_array" in modes else make()
@@ -188,10 +187,6 @@ def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> st
     name = next((key for key in keywords if f"unexpected keyword argument '{key}'" in str(fault)), "")
     known = inspect.signature(_maker(gymnasium.spec(bare))).parameters if name else {}
     return f"it takes no `{name}`.{nearest(name, known)}" if name else ""
-
-
-def _render_modes(spec: Any) -> list[str]:
-    return list((getattr(_maker(spec), "metadata", None) or {}).get("render_modes", ()))
 
 
 def _maker(spec: Any) -> Any:

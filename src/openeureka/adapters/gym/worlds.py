@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ class GymWorlds(Worlds):
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
         self._name, self._parts, self._actions, self._wanted = name, found.parts, found.actions, found.wanted
         self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in found.infos.items()}
-        self._vector = self._ask(lambda: self._opened(make, num_worlds))
+        with self._blamed():
+            self._vector = self._opened(make, num_worlds)
         self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
         self.action = torch.zeros(num_worlds, found.actions.size)
         self._taken = torch.zeros(num_worlds, episode, found.actions.size)
@@ -91,9 +93,10 @@ class GymWorlds(Worlds):
         each = torch.arange(self.num_worlds)
         self._keep(each)
         actions = self._actions.taken(self.action.nan_to_num())
-        seen, reward, terminated, truncated, info = self._ask(lambda: self._vector.step(actions))
-        self.previous.copy_(self.observation)
-        self._ask(lambda: self._see(seen, info, each))
+        with self._blamed():
+            seen, reward, terminated, truncated, info = self._vector.step(actions)
+            self.previous.copy_(self.observation)
+            self._see(seen, info, each)
         self.reward.copy_(torch.from_numpy(np.asarray(reward, np.float32)))
         self.terminated.copy_(torch.from_numpy(terminated))
         self.truncated.copy_(torch.from_numpy(truncated))
@@ -119,8 +122,9 @@ class GymWorlds(Worlds):
         mask = np.zeros(self.num_worlds, dtype=np.bool_)
         mask[worlds.numpy()] = True
         seeds: list[int | None] = [*self.seeds.tolist()]
-        seen, info = self._ask(lambda: self._vector.reset(seed=seeds, options={"reset_mask": mask}))
-        self._ask(lambda: self._see(seen, info, worlds))
+        with self._blamed():
+            seen, info = self._vector.reset(seed=seeds, options={"reset_mask": mask})
+            self._see(seen, info, worlds)
         self.previous[worlds] = self.observation[worlds]
         self._steps[worlds] = 0
         for value in (self.reward, self.terminated, self.truncated, self.action):
@@ -147,7 +151,8 @@ class GymWorlds(Worlds):
         """Replay each world's current episode from its start: the first `steps` (N,) of its actions (N, T, A)."""
         for world, env in enumerate(self._vector.envs):
             for action in self._actions.taken(taken[world, : int(steps[world])]):
-                self._ask(lambda env=env, action=action: env.step(action))
+                with self._blamed():
+                    env.step(action)
                 self._replayed()
 
     def _replayed(self) -> None:
@@ -161,12 +166,11 @@ class GymWorlds(Worlds):
         """(H, W, 3) uint8, as the environment draws it; None where it does not."""
         if self._vector.render_mode != "rgb_array":
             return None
-        try:
-            picture = self._ask(self._vector.envs[world].render)
-        except TaskError as fault:
-            if isinstance(fault.__cause__, NotImplementedError):  # by the base class: it cannot draw after all
+        with self._blamed():
+            try:
+                picture = self._vector.envs[world].render()
+            except NotImplementedError:  # by the base class: it cannot draw after all
                 return None
-            raise
         return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None
 
     def _see(self, seen: Any, info: Mapping[str, Any], worlds: Tensor) -> None:
@@ -180,10 +184,11 @@ class GymWorlds(Worlds):
             array = torch.from_numpy(np.asarray(values, dtype=np.float32).reshape(kept.shape))
             kept[worlds] = array.nan_to_num()[worlds]
 
-    def _ask(self, question: Callable[[], Any]) -> Any:
+    @contextmanager
+    def _blamed(self) -> Iterator[None]:
         """Raises TaskError for whatever an environment raises."""
         try:
-            return question()
+            yield
         except EurekaError:
             raise
         except (Exception, SystemExit) as error:
