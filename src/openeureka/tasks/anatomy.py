@@ -52,30 +52,28 @@ def _line(model: mujoco.MjModel, body: int) -> list[int]:
     return line
 
 
+def _driven_bodies(model: mujoco.MjModel) -> set[int]:
+    """Bodies that an actuator moves on a joint or pushes at a site, such as with a propeller."""
+    sites = model.actuator_trnid[model.actuator_trntype == _SITE, 0]
+    return {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | set(model.site_bodyid[sites].tolist())
+
+
 def driven_trees(model: mujoco.MjModel) -> set[int]:
     """Kinematic trees that an actuator moves."""
-    bodies = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | _pushed(model)
-    return {int(model.body_treeid[body]) for body in bodies}
-
-
-def _pushed(model: mujoco.MjModel) -> set[int]:
-    """Bodies that an actuator pushes at a site, such as with a propeller."""
-    sites = model.actuator_trnid[model.actuator_trntype == _SITE, 0]
-    return set(model.site_bodyid[sites].tolist())
+    return {int(model.body_treeid[body]) for body in _driven_bodies(model)}
 
 
 def base(model: mujoco.MjModel) -> int | None:
     """The body that carries a robot through the world, on joints that nothing drives, one of them free or along x. None
     for a robot that is fixed to the world."""
-    driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)}
-    carriers = sorted({int(model.body_rootid[body]) for body in driven | _pushed(model)} - driven)
+    roots = {int(model.body_rootid[body]) for body in _driven_bodies(model)}
+    carriers = sorted(roots - {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)})
     return next((body for body in carriers if along_x(model, body) is not None), None)
 
 
 def floating_joint(model: mujoco.MjModel) -> int:
     """The free joint whose body carries what actuators move; -1 for none, as for an object that a hand holds."""
-    driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | _pushed(model)
-    roots = {int(model.body_rootid[body]) for body in driven}
+    roots = {int(model.body_rootid[body]) for body in _driven_bodies(model)}
     free = (joint for joint in range(model.njnt) if model.jnt_type[joint] == FREE)
     return next((joint for joint in free if int(model.jnt_bodyid[joint]) in roots), -1)
 

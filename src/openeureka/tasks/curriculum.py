@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from ..parsing import absolute, read_yaml, whole_number
 from .registry import get, variant
 from .task import Stage, Task
 
-FIELDS = tuple(field.name for field in dataclasses.fields(Stage))
+_FIELDS = {"env": (str, "a name"), "set": (dict, "a mapping"), "steps": (int, "a whole number, zero or more")}
+"""Of a `Stage`: the type that YAML gives, and what is wanted, in words."""
 
 
 def find(env: str, curriculum: str) -> tuple[Stage, ...]:
@@ -27,11 +27,10 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
     elif curriculum in task.curricula:
         stages = task.curricula[curriculum]
     else:
-        own = (
-            f" It has {', '.join(task.curricula)}. Name one of these or a" if task.curricula else " It has none: name a"
-        )
+        own = ", ".join(task.curricula)
         raise ConfigError(
-            f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)}{own} YAML file."
+            f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)} "
+            f"It has {f'{own}. Name one of these or' if own else 'none: name'} a YAML file."
         )
     if stages[-1].env or stages[-1].set:
         raise ConfigError(f"The last stage of `{curriculum}` is the task itself: leave `env` and `set` out of it.")
@@ -46,9 +45,6 @@ def _read(path: Path) -> tuple[Stage, ...]:
     return tuple(_stage(stage, path) for stage in found)
 
 
-_WANTED = {"env": "a name", "set": "a mapping", "steps": "a whole number, zero or more"}
-
-
 def _steps(value: Any) -> Any:
     """As a whole number, where it is one: YAML takes `1e6` for a text, and `1.0e+6` for a float."""
     if isinstance(value, float) and value.is_integer():
@@ -59,13 +55,13 @@ def _steps(value: Any) -> Any:
 
 
 def _stage(values: dict, path: Path) -> Stage:
-    kinds = {"env": str, "set": dict, "steps": int}
     values = {**values, "steps": _steps(values["steps"])} if "steps" in values else values
     for key, value in values.items():
-        if key not in FIELDS:
-            raise ConfigError(f"A stage in {path} has an unknown key `{key}`; the keys are {', '.join(FIELDS)}.")
-        if type(value) is not kinds[key] or (key == "steps" and value < 0):
-            raise ConfigError(f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {_WANTED[key]}.")
+        if key not in _FIELDS:
+            raise ConfigError(f"A stage in {path} has an unknown key `{key}`; the keys are {', '.join(_FIELDS)}.")
+        kind, wanted = _FIELDS[key]
+        if type(value) is not kind or (key == "steps" and value < 0):
+            raise ConfigError(f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {wanted}.")
     return Stage(**{**values, "env": absolute("env", values.get("env", ""), path.parent)})
 
 

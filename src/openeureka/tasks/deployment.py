@@ -12,7 +12,7 @@ import numpy as np
 
 from ..codec import plain
 from ..errors import TaskError
-from .anatomy import HINGE, floating_joint
+from .anatomy import HINGE, ON_JOINTS, floating_joint
 
 if TYPE_CHECKING:
     from .task import Task
@@ -203,11 +203,10 @@ def _expect_drives(env: str, model: mujoco.MjModel) -> None:
     """Raises TaskError for a robot without a floating base, or a drive that the formula of deploy.yaml does not fit."""
     if floating_joint(model) < 0:
         raise TaskError(f"`{env}` has no floating base, which a `deployment` needs; leave its `deployment` out.")
-    of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for drive in range(model.nu):
         gain, follows = float(model.actuator_gainprm[drive, 0]), float(-model.actuator_biasprm[drive, 1])
         if (
-            model.actuator_trntype[drive] not in of_joints
+            model.actuator_trntype[drive] not in ON_JOINTS
             or gain != follows
             or model.actuator_gaintype[drive] != mujoco.mjtGain.mjGAIN_FIXED
             or model.actuator_biastype[drive] != mujoco.mjtBias.mjBIAS_AFFINE

@@ -46,22 +46,19 @@ def _suite() -> Any:
 
 def installed(env: str) -> bool:
     """Whether `get` finds the task without importing a file or module that `env` itself chooses."""
-    name, *settings = _parts(env)
+    name, settings = _parts(env)
     prefix, _, rest = name.partition(":")
-    return not _adapter(prefix).imports(rest, _settings(settings)) if prefix in ADAPTERS else name in names()
+    return not _adapter(prefix).imports(rest, settings) if prefix in ADAPTERS else name in names()
 
 
 def _adapter(prefix: str) -> Any:
     return importlib.import_module(ADAPTERS[prefix])
 
 
-def _settings(parts: Sequence[str]) -> dict[str, str]:
-    return dict(part.split("=", 1) for part in parts)
-
-
-def _parts(env: str) -> list[str]:
-    """The name of a task, then its settings `attribute=value`."""
-    return re.split(r"\+(?=\w+=)", env)
+def _parts(env: str) -> tuple[str, dict[str, str]]:
+    """The name of a task, and its settings."""
+    name, *settings = re.split(r"\+(?=\w+=)", env)
+    return name, dict(setting.split("=", 1) for setting in settings)
 
 
 def get(env: str) -> type[Task]:
@@ -70,8 +67,8 @@ def get(env: str) -> type[Task]:
     Raises:
         TaskError: when nothing of that name exists, it cannot be imported, is not a whole task or lacks an attribute.
     """
-    name, *parts = _parts(env)
-    settings, (prefix, _, rest) = _settings(parts), name.partition(":")
+    name, settings = _parts(env)
+    prefix, _, rest = name.partition(":")
     if "python" in settings and ADAPTERS.get(prefix) != _FOREIGN:
         raise TaskError(
             f"`python=` has no effect on `{name}`; it is for environments in another Python, such as "
@@ -133,8 +130,8 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
 
 
 def _named(env: str) -> type[Task]:
-    installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
-    target = env if ":" in env else _suite().TASKS.get(env) or installed.get(env)
+    added = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
+    target = env if ":" in env else _suite().TASKS.get(env) or added.get(env)
     if env.endswith(".py"):
         target = f"{env}:{_only_task(env)}"
     if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
