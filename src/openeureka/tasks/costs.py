@@ -45,7 +45,6 @@ class Meter:
             force, rate = env.sim.bind("qfrc_actuator"), env.sim.bind("qvel")
             self._each = {
                 "torque": lambda: force[:, dofs].abs().amax(1),
-                "torque_peak": lambda: force[:, dofs].abs().amax(1),
                 "torque_rate": lambda: self._change(force[:, dofs]) / env.task.control_dt,
                 "speed": lambda: rate[:, dofs].abs().amax(1),
                 "power": lambda: (force[:, dofs] * rate[:, dofs]).abs().sum(1),
@@ -87,9 +86,10 @@ class Meter:
             name: (total.view(lanes, -1).sum(1) / steps.clamp(min=1.0)).tolist()
             for name, total in zip(self._each, self._sum, strict=True)
         }
-        peaks = dict(zip(self._each, self._most, strict=True)) | {"falls": self._falls}
-        for name in ("torque_peak", "contact_force", "falls"):
-            found[name] = peaks[name].view(lanes, -1).mean(1).tolist() if name in self.names else []
+        most = dict(zip(self._each, self._most, strict=True)) | {"falls": self._falls}
+        for name, series in (("torque_peak", "torque"), ("contact_force", "contact_force"), ("falls", "falls")):
+            if name in self.names:
+                found[name] = most[series].view(lanes, -1).mean(1).tolist()
         return [{name: found[name][lane] for name in self.names} for lane in range(lanes)]
 
     def _look(self) -> None:

@@ -46,9 +46,16 @@ def dealt(settings: Mapping[str, str], named: Collection[str] = ()) -> tuple[dic
     Args:
         named: parameters of the constructor, which then do not count as attributes.
     """
-    attributes = {key for key in settings if hasattr(Task, key) or key in Task.__annotations__}.difference(named)
-    own = {key: text for key, text in settings.items() if key in attributes.union(OURS) and key != "fitness"}
-    return {key: literal(text) for key, text in settings.items() if key not in (*own, "fitness")}, own
+    given: dict[str, Any] = {}
+    own: dict[str, str] = {}
+    for key, text in settings.items():
+        attribute = key not in named and (hasattr(Task, key) or key in Task.__annotations__)
+        if attribute or key in OURS:
+            own[key] = text
+        else:
+            given[key] = literal(text)
+    own.pop("fitness", None)
+    return given, own
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
