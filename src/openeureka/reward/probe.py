@@ -18,7 +18,8 @@ from .gate import FILENAME
 from .load import Runner
 from .states import Recorded, take, world_count
 from .surface import MAX_COMPONENTS
-from .trace import Guard, Outputs, Refused, Tracer, branch, refuse_sizes, trace, unify
+from .trace import Guard, Outputs, Refused, Tracer, branch, trace
+from .unify import refuse_sizes, unify
 from .validate import COMPONENT_NAME, GraphError, validate
 
 TRACE_SIZES = (61, 89)
@@ -175,16 +176,12 @@ def _watched(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) ->
         result = _run(run, state)
     if guard.refusal is not None:
         raise guard.refusal
-    edited = _edited(state, take(recorded, spec, worlds))
-    if edited is not None:
-        raise Refused("input-edit", f"the program changes its input `{edited}`", f"work on `{edited}.clone()`")
+    for name, before in _tensors(take(recorded, spec, worlds)).items():
+        if not _same(state[name], before):
+            raise Refused("input-edit", f"the program changes its input `{name}`", f"work on `{name}.clone()`")
     reward, components = outputs(result, len(worlds))
     clones = {name: value.clone() if isinstance(value, Tensor) else value for name, value in components.items()}
     return reward.clone(), clones
-
-
-def _edited(state: Mapping[str, Any], original: Mapping[str, Any]) -> str | None:
-    return next((name for name, before in _tensors(original).items() if not _same(state[name], before)), None)
 
 
 def _same(a: Tensor | float, b: Tensor | float) -> bool:

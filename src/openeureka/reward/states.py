@@ -21,17 +21,13 @@ def world_count(recorded: Recorded, spec: StateSpec) -> int:
 
 def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) -> dict[str, Any]:
     """Copies of the states of some worlds. Indices beyond the recorded worlds wrap around."""
-    count = world_count(recorded, spec)
-    index = torch.as_tensor(worlds) % count
+    index = torch.as_tensor(worlds) % world_count(recorded, spec)
     values: dict[str, Any] = {}
     for name, value in recorded.items():
-        if name in spec.per_world and isinstance(value, Tensor):
-            values[name] = value[index]
-        else:
-            values[name] = value.clone() if isinstance(value, Tensor) else value
-    for variable in spec.variables:
-        if variable.kind == "num_envs":
-            values[variable.name] = len(worlds)
+        if isinstance(value, Tensor):
+            value = value[index] if name in spec.per_world else value.clone()
+        values[name] = value
+    values.update({variable.name: len(worlds) for variable in spec.variables if variable.kind == "num_envs"})
     return values
 
 

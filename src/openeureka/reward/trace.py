@@ -17,7 +17,7 @@ from ..types import Arg, Finding, Node, Part, RewardGraph
 from . import surface
 from .dispatch import Mode
 from .gate import FILENAME
-from .validate import MAX_CONSTANT, IntegerDivision, needed, references, refuse_truncation
+from .validate import MAX_CONSTANT, IntegerDivision, references, refuse_truncation
 
 MAX_OPERATIONS = 20_000
 """Operations of one run, including those that no output needs."""
@@ -322,69 +322,3 @@ def trace(tracer: Tracer, run: Callable[[Mapping[str, Tensor]], Outputs], inputs
     tensors = iter(rest)
     components = tuple((name, tracer.index(numbers[name] if name in numbers else next(tensors))) for name in order)
     return RewardGraph(nodes=tuple(tracer.nodes), reward=tracer.index(reward), components=components)
-
-
-def refuse_sizes(seen: Tracer, graph: RewardGraph, forced: Tracer, other: RewardGraph | None) -> None:
-    """Raises Refused where the graph changes once its masks are forced to pick all or nothing.
-
-    Args:
-        seen: the tracer that recorded `graph`.
-        forced: the tracer with forced masks, which recorded `other`.
-        other: None where the program failed with forced masks, as `max()` of an empty tensor does.
-    """
-    kept = needed(graph, graph.reward, *(index for _, index in graph.components))
-    pairs = enumerate(zip(seen.nodes, forced.nodes, strict=False))
-    changed = (index for index, (left, right) in pairs if index in kept and repr(left) != repr(right))
-    place = next(changed, None)
-    if place is None and other and (graph.reward, graph.components) != (other.reward, other.components):
-        place = min(len(seen.nodes), len(forced.nodes))
-    if place is None:
-        return
-    raise Refused(
-        "branch",
-        "how many elements this mask picks decides what is computed, and one decision would hold for all worlds",
-        "compute it for all worlds and pick with torch.where(mask, a, b)",
-        next((seen.lines[index] for index in reversed(seen.selections) if index < place), None),
-    )
-
-
-def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:
-    """One graph for any number of worlds, from traces with two numbers of worlds. An integer that is k times the number
-    of worlds in both becomes `{"n": k}`. Raises Refused where the traces differ in any other way."""
-    nodes: list[Node] = []
-    for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
-        if left.op != right.op or left.kwargs.keys() != right.kwargs.keys() or len(left.args) != len(right.args):
-            raise _depends_on_count(line)
-        args = tuple(_unified(a, b, sizes, line) for a, b in zip(left.args, right.args, strict=True))
-        kwargs = {key: _unified(value, right.kwargs[key], sizes, line) for key, value in left.kwargs.items()}
-        nodes.append(Node(left.op, args, kwargs))
-    if len(first.nodes) != len(second.nodes) or (first.reward, first.components) != (second.reward, second.components):
-        raise _depends_on_count(lines[-1])
-    return RewardGraph(nodes=tuple(nodes), reward=first.reward, components=first.components)
-
-
-def _depends_on_count(line: int | None) -> Refused:
-    return Refused(
-        "world-count",
-        "what the program computes depends on the number of worlds or on the values it saw",
-        "treat all worlds alike: no loop over worlds, no numbers taken from tensors",
-        line,
-    )
-
-
-def _unified(left: Arg, right: Arg, sizes: tuple[int, int], line: int | None) -> Arg:
-    if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right):
-        return tuple(_unified_part(a, b, sizes, line) for a, b in zip(left, right, strict=True))
-    if isinstance(left, tuple) or isinstance(right, tuple):
-        raise _depends_on_count(line)
-    return _unified_part(left, right, sizes, line)
-
-
-def _unified_part(left: Part, right: Part, sizes: tuple[int, int], line: int | None) -> Part:
-    if type(left) is type(right) and (left == right or (left != left and right != right)):
-        return left
-    if type(left) is int and type(right) is int:
-        factor = left // sizes[0]
-        if left == factor * sizes[0] and right == factor * sizes[1]:
-            return {"n": factor}
-    raise _depends_on_count(line)
