@@ -399,7 +399,7 @@ def test_inputs_are_arguments_free_names_and_attributes_of_self() -> None:
     assert (program.inputs, program.arguments) == (("dof_pos", "dof_vel"), ("dof_pos",))
     method = gate.check("def f(self):\n    return self.dof_vel[:, 0] * self.num_envs, {}\n", CARTPOLE)
     assert isinstance(method, gate.Program)
-    assert (set(method.inputs), method.arguments, method.method) == ({"dof_vel", "num_envs"}, (), True)
+    assert (set(method.inputs), method.arguments, method.draft.method) == ({"dof_vel", "num_envs"}, (), True)
 
 
 def test_a_local_variable_may_have_the_name_of_a_state_variable() -> None:

@@ -78,7 +78,10 @@ def test_the_last_function_is_the_reward_and_its_helpers_survive() -> None:
     spec, source = PROGRAMS["module constants, helper with a default, print and assert"]
     program = gate.check(source, spec)
     assert isinstance(program, gate.Program)
-    assert program.entry == "compute_reward" and set(program.draft.functions) == {"tolerance", "compute_reward"}
+    assert program.draft.entry.name == "compute_reward" and set(program.draft.functions) == {
+        "tolerance",
+        "compute_reward",
+    }
 
 
 def test_a_graph_of_a_usual_reward_is_small() -> None:

@@ -28,12 +28,10 @@ _MAY_SHRINK = surface.words("""
     arange.start arange.start_step diagonal.default linspace.default slice.Tensor slice_scatter.default split.Tensor
     split_with_sizes.default
 """)
-_PICKS = frozenset(
-    surface.words("""
+_PICKS = surface.words("""
     diagonal gather index index_select narrow new_full new_ones new_zeros select slice split split_with_sizes squeeze
     take unbind
 """)
-)
 """Operations that pick worlds, or that read no more of a tensor than its dtype."""
 _SCANS = {
     "_log_softmax": 1, "_softmax": 1, "cummax": 1, "cummin": 1, "cumprod": 1, "cumsum": 1, "flip": 1, "roll": 2,

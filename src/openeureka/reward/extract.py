@@ -7,7 +7,6 @@ import json
 import re
 import textwrap
 import warnings
-from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -166,9 +165,9 @@ class _Block:
     def of(code: str) -> _Block:
         source = _dedented(code)
         tree = _parsed(source)
-        statements = list(_statements(tree)) if tree is not None else []
-        functions = frozenset(statement.name for statement in statements if isinstance(statement, ast.FunctionDef))
-        returns = any(isinstance(statement, ast.Return) for statement in statements)
+        nodes = list(ast.walk(tree)) if tree is not None else []
+        functions = frozenset(node.name for node in nodes if isinstance(node, ast.FunctionDef))
+        returns = any(isinstance(node, ast.Return) for node in nodes)
         meant = frozenset(_FUNCTION.findall(source)) if tree is None and _is_written_out(source) else frozenset[str]()
         return _Block(source, tree, functions, returns or bool(meant), meant)
 
@@ -193,16 +192,6 @@ def _is_written_out(source: str) -> bool:
 
 def _dedented(code: str) -> str:
     return textwrap.dedent(code.expandtabs(4)).strip() + "\n"
-
-
-def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """Every statement. Expressions, most of a tree, are left out: they define no function."""
-    todo: deque[ast.AST] = deque([tree])
-    while todo:
-        children = ast.iter_child_nodes(todo.popleft())
-        below = [child for child in children if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case))]
-        todo.extend(below)
-        yield from below
 
 
 def _choose(blocks: list[_Block]) -> _Block | None:

@@ -37,14 +37,6 @@ class Program:
     """The inputs that are arguments of the reward function; others are read as free names or through `self`."""
 
     @property
-    def entry(self) -> str:
-        return self.draft.entry.name
-
-    @property
-    def method(self) -> bool:
-        return self.draft.method
-
-    @property
     def return_line(self) -> int | None:
         """Line of the last `return` in the reward function."""
         lines = [node.lineno for node in ast.walk(self.draft.entry) if isinstance(node, ast.Return)]
@@ -122,15 +114,13 @@ def parse(source: str) -> ast.Module | Finding:
         return Finding(rule="size", message="it is nested too deeply", fix="split it into several lines")
     # Counted without recursion: the visitors below recurse, and this bounds them.
     count, level = 0, [tree]
-    for depth in range(MAX_DEPTH + 1):
+    for _ in range(MAX_DEPTH + 1):
         count += len(level)
         if count > MAX_NODES:
             return Finding(rule="size", message="the program is too long", fix="write a shorter one")
         level = [child for node in level for child in ast.iter_child_nodes(node)]
         if not level:
             return tree
-        if depth == MAX_DEPTH:
-            break
     line = next((node.lineno for node in level if isinstance(node, ast.expr)), None)
     return Finding(rule="size", message="an expression is nested too deeply", fix="split it into lines", line=line)
 

@@ -55,20 +55,18 @@ def _moved_part(part: Part, place: Mapping[int, int]) -> Part:
 # --- execution -------------------------------------------------------------------------------------------------------
 
 
-def _div_tensor(input: Any, other: Any, *, rounding_mode: str | None = None) -> Tensor:
-    refuse_truncation(input, other, rounding_mode)
-    return torch.ops.aten.div.Tensor_mode(input, other, rounding_mode=rounding_mode)
+def _guarded(divide: Callable[..., Any]) -> Callable[..., Any]:
+    def guarded(input: Any, other: Any, *, rounding_mode: str | None = None) -> Tensor:
+        refuse_truncation(input, other, rounding_mode)
+        return divide(input, other, rounding_mode=rounding_mode)
 
-
-def _div_scalar(input: Any, other: Any, *, rounding_mode: str | None = None) -> Tensor:
-    refuse_truncation(input, other, rounding_mode)
-    return torch.ops.aten.div.Scalar_mode(input, other, rounding_mode=rounding_mode)
+    return guarded
 
 
 _COPIES = {"view.default": "reshape.default"}
 """Operations that run in place of others. Tracing records a reshape as a view, because the tensors that it sees are
 contiguous. A task's tensors may be slices, which allow a reshape only. On equal tensors both give the same."""
-_GUARDED = {"div.Tensor_mode": _div_tensor, "div.Scalar_mode": _div_scalar}
+_GUARDED = {op: _guarded(operation(op)) for op in ("div.Tensor_mode", "div.Scalar_mode")}
 
 
 def _callable(op: str) -> Callable[..., Any]:

@@ -138,14 +138,14 @@ def load(program: Program) -> Runner:
             value = getattr(value, part, None)
         names[name] = value
     exec(program.code(), names)  # the gate's plain form: functions and literal constants
-    function = names[program.entry]
+    function = names[program.draft.entry.name]
     taken = {*names, *allowed}  # `self.dt` is no reason to overwrite the program's own `dt`
     free = [name for name in program.inputs if name not in taken]
 
     def run(state: Mapping[str, Any]) -> object:
         names.update({name: state[name] for name in free})
         given = {name: state[name] for name in program.arguments}
-        if program.method:
+        if program.draft.method:
             return function(SimpleNamespace(**{name: state[name] for name in program.inputs}), **given)
         return function(**given)
 

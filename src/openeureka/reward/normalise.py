@@ -77,7 +77,7 @@ def entry_name(functions: Iterable[str]) -> str:
 def _is_literal(node: ast.expr) -> bool:
     try:
         ast.literal_eval(node)
-    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+    except (ValueError, TypeError):
         return False
     return True
 
@@ -141,15 +141,19 @@ class Normaliser(ast.NodeTransformer):
                 self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
             return None
         last = max(node.lineno for node in self.functions.values())
-        body: list[ast.stmt] = []
-        for statement in tree.body:
-            kept = self._top_level(statement, after=statement.lineno > last)
-            if kept is not None:
-                body.append(kept)
+        kept = (self._top_level(statement, after=statement.lineno > last) for statement in tree.body)
+        body = [statement for statement in kept if statement is not None]
         entry = self.functions[entry_name(self.functions)]
         plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
-        known = frozenset(self.constants), self.ignored, frozenset(self._refused)
-        return Draft(plain, entry, self.functions, self.names, *known)
+        return Draft(
+            tree=plain,
+            entry=entry,
+            functions=self.functions,
+            names=self.names,
+            constants=frozenset(self.constants),
+            ignored=self.ignored,
+            refused=frozenset(self._refused),
+        )
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
@@ -239,15 +243,11 @@ class Normaliser(ast.NodeTransformer):
 
     # --- inside functions ---
 
-    def visit_Import(self, node: ast.Import) -> ast.stmt:
-        return self._inner_import(node)
-
-    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.stmt:
-        return self._inner_import(node)
-
-    def _inner_import(self, node: ast.Import | ast.ImportFrom) -> ast.stmt:
+    def _visit_import(self, node: ast.Import | ast.ImportFrom) -> ast.stmt:
         self._import(node)
         return ast.copy_location(ast.Pass(), node)
+
+    visit_Import = visit_ImportFrom = _visit_import
 
     def visit_Delete(self, node: ast.Delete) -> ast.stmt:
         names = all(isinstance(target, ast.Name) for target in node.targets)
@@ -266,9 +266,6 @@ class Normaliser(ast.NodeTransformer):
             node.body = node.body[1:] or [ast.copy_location(ast.Pass(), node.body[0])]
         return self._function(node)
 
-    def visit_Lambda(self, node: ast.Lambda) -> ast.Lambda:
-        return self._function(node)
-
     def _function(self, node: _Function) -> _Function:
         arguments = node.args
         others = (*arguments.posonlyargs, arguments.vararg, arguments.kwarg)
@@ -281,6 +278,8 @@ class Normaliser(ast.NodeTransformer):
                 argument.annotation = None
         self.generic_visit(node)
         return node
+
+    visit_Lambda = _function
 
     def _drops(self, decorator: ast.AST) -> bool:
         return (self._path(decorator) or dotted(decorator)) in DROPPED_DECORATORS
@@ -351,28 +350,32 @@ class Normaliser(ast.NodeTransformer):
             return node.args[1]
         if name in ("torch.jit.is_scripting", "torch.jit.is_tracing"):
             return ast.copy_location(ast.Constant(name == "torch.jit.is_scripting"), node)
-        function = node.func
-        match function:
-            case ast.Name(id=called):
-                as_written = called in self._own or not (called in self.names or called in self._offered)
+        match node.func:
             case ast.Attribute(value=ast.Name(id="self") as owner, attr=called) if called in self.functions:
-                as_written = True
-                node.func = ast.copy_location(ast.Name(called, ast.Load()), function)
+                node.func = ast.copy_location(ast.Name(called, ast.Load()), node.func)
                 if called not in self._static:
                     node.args.insert(0, owner)
+                return node
             case ast.Attribute(attr="update"):  # of a dict: the keywords are keys
-                as_written = True
+                return node
+            case ast.Attribute():
+                return self._without_device(node)
+            case ast.Name(id=called) if called in self._own:
+                return node
+            case ast.Name(id=called) if called in self.names or called in self._offered:
+                return self._without_device(node)
             case _:
-                as_written = not isinstance(function, ast.Attribute)
-        if as_written:
-            return node
-        # A graph runs on the device of its inputs, so a device that the author names has no meaning.
+                return node
+
+    def _without_device(self, node: ast.Call) -> ast.expr:
+        """A call of torch or a helper. A graph runs on the device of its inputs, so one that the author names has no
+        meaning."""
         node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
-        if isinstance(function, ast.Attribute):
-            if function.attr == "to" and node.args and isinstance(node.args[0], ast.Constant):
+        if isinstance(node.func, ast.Attribute):
+            if node.func.attr == "to" and node.args and isinstance(node.args[0], ast.Constant):
                 del node.args[0]
                 if not node.args and not any(word.arg == "dtype" for word in node.keywords):
-                    return function.value
-            if function.attr == "cuda":
-                return function.value
+                    return node.func.value
+            if node.func.attr == "cuda":
+                return node.func.value
         return node

@@ -185,7 +185,8 @@ class Rules(ast.NodeVisitor):
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
         if not isinstance(node.ctx, ast.Load):
-            self._attribute_store(node)
+            rule = "input-edit" if _is_of_self(node) else "attribute"
+            self._refuse(rule, f"`{shown(node)}` may not be assigned", node, "use a local variable and return it")
             return
         path = dotted(node)
         root = path.split(".")[0] if path else ""
@@ -194,17 +195,13 @@ class Rules(ast.NodeVisitor):
         if path and root not in self._locals and root in self.draft.names:
             self._imported(f"{self.draft.names[root]}{path[len(root) :]}", node)
             return
-        if isinstance(node.value, ast.Name) and node.value.id == "self":
-            self._self_attribute(node)
-            return
-        self.visit(node.value)
-        self._method(node)
-
-    def _attribute_store(self, node: ast.Attribute) -> None:
-        of_self = isinstance(node.value, ast.Name) and node.value.id == "self"
-        target = shown(node)
-        rule = "input-edit" if of_self else "attribute"
-        self._refuse(rule, f"`{target}` may not be assigned", node, "use a local variable and return it")
+        if not _is_of_self(node):
+            self.visit(node.value)
+            self._method(node)
+        elif self._is_input(node.attr):
+            self.inputs[node.attr] = None
+        else:
+            self._unknown_input(node.attr, node)
 
     def _method(self, node: ast.Attribute) -> None:
         name = node.attr
@@ -220,12 +217,6 @@ class Rules(ast.NodeVisitor):
                 function = f"write `.to(torch.{name})`"
             fix = _INSTEAD.get(name) or function or self._guess(name, surface.METHODS) or _OTHERWISE
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
-
-    def _self_attribute(self, node: ast.Attribute) -> None:
-        if self._is_input(node.attr):
-            self.inputs[node.attr] = None
-        else:
-            self._unknown_input(node.attr, node)
 
     def _imported(self, path: str, node: ast.AST) -> None:
         """An imported name or a chain that starts at one: `torch.exp`, `F.softplus`, `torch.pi.x`."""
@@ -289,29 +280,24 @@ class Rules(ast.NodeVisitor):
                 self._refuse("input-edit", message, node, "use the returned value")
             elif keyword.arg is None:
                 self._refuse("statement", "`**` in a call is not allowed", node, "name the arguments")
-        if isinstance(node.func, ast.Name) and node.func.id == "range":
-            for argument in node.args:
-                if (
-                    isinstance(argument, ast.Constant)
-                    and isinstance(argument.value, int)
-                    and argument.value > MAX_RANGE
-                ):
-                    self._refuse("loop-size", f"a loop of more than {MAX_RANGE} turns", node, "use tensor operations")
-        if isinstance(node.func, ast.Attribute) and node.func.attr in surface.IN_PLACE_METHODS:
-            name = self._protected_root(node.func.value)
-            if name:
-                message, pure = f"in-place `.{node.func.attr}` on input `{name}`", node.func.attr[:-1]
-                fix = f"use `.{pure}` and keep the result" if pure in surface.METHODS else _COPY.format(name=name)
-                self._refuse("input-edit", message, node, fix)
-        if isinstance(node.func, ast.Attribute) and node.func.attr in _CHANGES:
-            self._expect_no_memory(node.func.value, node)
+        match node.func:
+            case ast.Name(id="range") if any(map(_is_huge, node.args)):
+                self._refuse("loop-size", f"a loop of more than {MAX_RANGE} turns", node, "use tensor operations")
+            case ast.Attribute(value=changed, attr=called) if called in _CHANGES:
+                self._expect_no_memory(changed, node)
+            case ast.Attribute(value=changed, attr=called) if called in surface.IN_PLACE_METHODS:
+                if name := self._protected_root(changed):
+                    pure = called[:-1]
+                    fix = f"use `.{pure}` and keep the result" if pure in surface.METHODS else _COPY.format(name=name)
+                    self._refuse("input-edit", f"in-place `.{called}` on input `{name}`", node, fix)
+            case _:
+                pass
         self.generic_visit(node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         if isinstance(node.target, ast.Subscript):
             self._expect_no_memory(node.target, node)
-        name = self._protected_root(node.target)
-        if name:
+        if name := self._protected_root(node.target):
             sign = _AUGMENTED[type(node.op)]
             if isinstance(node.target, ast.Name):
                 fix = f"write `{name} = {name} {sign} {shown(node.value)}`"
@@ -339,12 +325,13 @@ class Rules(ast.NodeVisitor):
 
     def _protected_root(self, node: ast.AST) -> str | None:
         """The input tensor that `x`, `x[...]` or `self.x[...]` names."""
-        node = _whole(node)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self":
-            return f"self.{node.attr}" if node.attr in self.state else None
-        if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
-            return None
-        return node.id if self.state[node.id].kind in ("world", "constant") else None
+        match _whole(node):
+            case ast.Attribute(value=ast.Name(id="self"), attr=name) if name in self.state:
+                return f"self.{name}"
+            case ast.Name(id=name) if name in self._protected and name in self.state:
+                return name if self.state[name].kind in ("world", "constant") else None
+            case _:
+                return None
 
 
 def _whole(node: ast.AST) -> ast.AST:
@@ -352,6 +339,14 @@ def _whole(node: ast.AST) -> ast.AST:
     while isinstance(node, ast.Subscript):
         node = node.value
     return node
+
+
+def _is_of_self(node: ast.Attribute) -> bool:
+    return isinstance(node.value, ast.Name) and node.value.id == "self"
+
+
+def _is_huge(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, int) and node.value > MAX_RANGE
 
 
 def _mutable(node: Scope) -> frozenset[str]:

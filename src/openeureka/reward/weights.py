@@ -101,9 +101,11 @@ class _Finder:
         self._starts = list(accumulate(map(len, self._data.splitlines(keepends=True)), initial=0))
         self._tree = tree
         self._functions = list(_reached(tree))
-        self._uses: dict[str, Use] = dict.fromkeys(self._operands("threshold"), "threshold")
-        self._uses |= dict.fromkeys(self._operands("factor"), "factor")
-        self._uses |= dict.fromkeys(self._options(), "data")
+        found = [pair for function in self._functions for node in ast.walk(function) for pair in _operands(node)]
+        self._uses: dict[str, Use] = {}
+        """How names are used by themselves: as `data` if anywhere so, else as a `factor`, else as a `threshold`."""
+        for wanted in ("threshold", "factor", "data"):
+            self._uses |= {name: use for name, use in found if use == wanted}
         self._places = places.whole(
             self._functions, (node for node in tree.body if not isinstance(node, ast.FunctionDef))
         )
@@ -120,34 +122,6 @@ class _Finder:
             for statement in function.body:
                 yield from self._statement(statement, owner)
 
-    def _operands(self, use: Use) -> Iterator[str]:
-        """Names that are themselves operands: of a comparison (`threshold`), of a product or quotient (`factor`)."""
-        for function in self._functions:
-            for node in ast.walk(function):
-                parts: list[ast.expr] = []
-                if use == "threshold" and isinstance(node, ast.Compare):
-                    parts = [node.left, *node.comparators]
-                elif use == "factor" and isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
-                    parts = [node.left, node.right]
-                yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
-
-    def _options(self) -> Iterator[str]:
-        """Names that are by themselves an exponent or an option of a call, and names anywhere in sizes and indices."""
-        for function in self._functions:
-            for node in ast.walk(function):
-                yield from places.names(node)
-                parts: list[ast.expr] = []
-                match node:
-                    case ast.BinOp(op=ast.Pow(), right=exponent):
-                        parts = [exponent]
-                    case ast.Call():
-                        parts = [keyword.value for keyword in node.keywords]
-                        if places.function(node) in _UNTOUCHED:
-                            parts += node.args
-                    case _:
-                        pass
-                yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
-
     def _statement(self, node: ast.stmt, owner: str) -> Iterator[Weight]:
         """`owner` is the name for weights of a statement that assigns to nothing."""
         match node:
@@ -155,7 +129,8 @@ class _Finder:
                 for name, value in zip(names, own, strict=True):
                     yield from self._assigned(_called(name) or owner, value)
             case ast.Assign(value=value) | ast.AnnAssign(value=ast.expr() as value):
-                yield from self._assigned(_target(node) or owner, value)
+                target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+                yield from self._assigned(_called(target) or owner, value)
             case ast.AugAssign(target=target, op=op, value=value):
                 yield from self._expression(value, _use(op), _called(target) or owner)
             case ast.FunctionDef():
@@ -237,6 +212,31 @@ def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
             waiting += _names(function)
 
 
+def _operands(node: ast.AST) -> Iterator[tuple[str, Use]]:
+    """Names that are by themselves an operand of a comparison (`threshold`), of a product or quotient (`factor`), an
+    exponent or an option of a call (`data`), and names anywhere in sizes and indices (`data`)."""
+    parts: list[ast.expr] = []
+    use: Use = "data"
+    match node:
+        case ast.Compare():
+            parts, use = [node.left, *node.comparators], "threshold"
+        case ast.BinOp(op=ast.Mult() | ast.Div()):
+            parts, use = [node.left, node.right], "factor"
+        case ast.BinOp(op=ast.Pow()):
+            parts = [node.right]
+        case ast.Call():
+            parts = [keyword.value for keyword in node.keywords]
+            if places.function(node) in _UNTOUCHED:
+                parts += node.args
+        case _:
+            pass
+    for part in map(_plain, parts):
+        if isinstance(part, ast.Name):
+            yield part.id, use
+    for name in places.names(node):
+        yield name, "data"
+
+
 def _names(function: ast.FunctionDef) -> list[str]:
     """Names that a function uses, and attributes of `self`."""
     names: list[str] = []
@@ -278,10 +278,6 @@ def _counts(value: object, use: Use) -> bool:
 def _plain(node: ast.expr) -> ast.expr:
     """An expression without its sign."""
     return node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd) else node
-
-
-def _target(node: ast.Assign | ast.AnnAssign) -> str:
-    return _called(node.targets[0] if isinstance(node, ast.Assign) else node.target)
 
 
 def _called(node: ast.expr | None) -> str:
