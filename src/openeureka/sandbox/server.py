@@ -18,6 +18,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
@@ -118,11 +119,15 @@ def _examine(text: bytes, bench: _Bench) -> Answer:
     try:
         validate(said.graph)
     except GraphError as error:
-        return Answer(findings=(Finding(rule="operation", message=f"its graph is not allowed: {error}"[:300]),))
+        return _refusal("operation", f"its graph is not allowed: {error}"[:300])
     parsed, origin = graph.simplify(said.graph)
     lines = tuple(said.lines[index] if index < len(said.lines) else None for index in origin)
     found = examine.examine(probe.Traced(parsed, lines), bench.spec, bench.recorded, bench.worlds)
     return Answer(findings=_findings(found, said.returns)) if found else Answer(graph=parsed)
+
+
+def _refusal(rule: str, message: str) -> Answer:
+    return Answer(findings=(Finding(rule=rule, message=message),))
 
 
 def _findings(findings: Sequence[Finding], returns: int | None = None) -> tuple[Finding, ...]:
@@ -179,10 +184,8 @@ class _Child:
             _serve(request, answer, work, confined)
         os.close(request)
         os.close(answer)
-        try:
+        with suppress(ProcessLookupError, PermissionError):
             os.setpgid(self._pid, self._pid)
-        except (ProcessLookupError, PermissionError):
-            pass
 
     def finish(self, seconds: float, request: bytes = b"", patience: int = PATIENCE) -> _Outcome:
         """Hand over its input and wait for its answer; the process is gone when this returns."""
@@ -227,7 +230,10 @@ class _Child:
                 os.close(descriptor)
         ended, status = os.waitpid(self._pid, os.WNOHANG)
         if not ended:
-            status = _kill(self._pid)
+            for send in (os.killpg, os.kill):
+                with suppress(ProcessLookupError, PermissionError):
+                    send(self._pid, signal.SIGKILL)
+            _, status = os.waitpid(self._pid, 0)
         return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
 
 
@@ -242,20 +248,20 @@ def _serve(request: int, answer: int, work: Callable[[], Answer], confined: bool
         try:
             confine(kernel=confined)
         except OSError as error:
-            said = f"its process cannot be confined: {error.strerror or error}"
-            _answer(Answer(findings=(Finding(rule="unconfined", message=said),)))
+            _answer(_refusal("unconfined", f"its process cannot be confined: {error.strerror or error}"))
         else:
             _answer(work())
     except Exception as error:  # a fault of ours, or of a program that slipped through the gate: say which, then go
-        said = f"the probe failed: {type(error).__name__}: {error}"[:400]
-        _answer(Answer(findings=(Finding(rule="error", message=said),)))
+        _answer(_refusal("error", f"the probe failed: {type(error).__name__}: {error}"[:400]))
     finally:
         os._exit(0)
 
 
 def _answer(answer: Answer) -> None:
     text = encode(answer).encode()
-    _write(3, LENGTH.pack(len(text)) + text)
+    left = memoryview(LENGTH.pack(len(text)) + text)
+    while left:
+        left = left[os.write(3, left) :]
 
 
 def _input() -> bytes:
@@ -264,22 +270,6 @@ def _input() -> bytes:
     while chunk := os.read(0, 1 << 20):
         received += chunk
     return bytes(received)
-
-
-def _write(pipe: int, data: bytes) -> None:
-    left = memoryview(data)
-    while left:
-        left = left[os.write(pipe, left) :]
-
-
-def _kill(pid: int) -> int:
-    """End a child and everything in its group. Returns its wait status."""
-    for send in (os.killpg, os.kill):
-        try:
-            send(pid, signal.SIGKILL)
-        except (ProcessLookupError, PermissionError):
-            pass
-    return os.waitpid(pid, 0)[1]
 
 
 def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
