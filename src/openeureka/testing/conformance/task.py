@@ -55,7 +55,7 @@ class TaskConformance:
         recorded = _random_steps(simulation, 1)[0]
         kept = {name: tensor.clone() for name, tensor in _tensors(recorded).items()}
         _random_steps(simulation, 5)
-        changed = [name for name, tensor in _tensors(recorded).items() if not torch.equal(tensor, kept[name])]
+        changed = _different(_tensors(recorded), kept)
         assert not changed, f"{changed} share memory with the simulator or the task: return a .clone() of each"
 
     def test_observations_are_clipped_and_obs_buf_is_not(self) -> None:
@@ -95,8 +95,7 @@ class TaskConformance:
         first.task.progress[0] = first.task.time_limit() - 1  # a reset is among what follows
         second.load_state_dict(first.state_dict())
         for left, right in zip(*(_random_steps(simulation, 3) for simulation in (first, second)), strict=True):
-            expected, found = _tensors(left), _tensors(right)
-            different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
+            different = _different(_tensors(left), _tensors(right))
             assert not different, f"{different} differ: does the task keep a tensor that `memory` does not list?"
 
     def test_results_do_not_depend_on_the_number_of_threads(self) -> None:
@@ -153,8 +152,7 @@ class TaskConformance:
             simulation.reset()
             simulation.task.progress[1::2] = simulation.task.time_limit() - 3
         for a, b in zip(_random_steps(by_index, 8), _random_steps(by_mask, 8), strict=True):
-            expected, found = _tensors(a), _tensors(b)
-            different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
+            different = _different(_tensors(a), _tensors(b))
             assert not different, f"{different} differ: does the task keep a tensor that is not its attribute?"
 
     def test_a_step_asks_a_gpu_nothing(self) -> None:
@@ -301,6 +299,10 @@ def _tensors(step: Step) -> dict[str, Tensor]:
     parts: dict[str, Any] = {**step._asdict(), **step.state}
     parts |= {f"score.{name}": value for name, value in Score._asdict(step.score).items()}
     return {name: value for name, value in parts.items() if isinstance(value, Tensor)}
+
+
+def _different(one: dict[str, Tensor], other: dict[str, Tensor]) -> list[str]:
+    return [name for name, tensor in one.items() if not torch.equal(tensor, other[name])]
 
 
 def _statements(source: str) -> list[str]:

@@ -11,7 +11,7 @@ class TestMyTrainer(TrainerConformance):
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -88,8 +88,7 @@ class TrainerConformance:
                 assert result.correlation is None or abs(result.correlation - 1) < 1e-3
 
     def test_the_same_lanes_give_the_same_results(self) -> None:
-        again = self.make().train(self.env, self.lanes(), self.budget)
-        second = {event.lane: event for event in again if isinstance(event, TrainingResult)}
+        second = self._trained(self.lanes(), self.budget)
         for first in self._results():
             assert first.state == second[first.lane].state
             assert first.fitness == second[first.lane].fitness
@@ -97,12 +96,9 @@ class TrainerConformance:
 
     def test_lanes_that_paused_go_on_to_the_same_end(self) -> None:
         lanes, half = self.lanes()[:2], replace(self.budget, until=0.5)
-        trained = self.make().train(self.env, lanes, half)
-        paused = {event.lane: event for event in trained if isinstance(event, TrainingResult)}
+        paused = self._trained(lanes, half)
         assert {result.state for result in paused.values()} == {TrainingState.PAUSED}
-        going = [replace(lane, paused=paused[lane.id].paused) for lane in lanes]
-        trained = self.make().train(self.env, going, self.budget)
-        ended = {event.lane: event for event in trained if isinstance(event, TrainingResult)}
+        ended = self._trained([replace(lane, paused=paused[lane.id].paused) for lane in lanes], self.budget)
         for whole in (result for result in self._finished() if result.lane in ended):
             assert ended[whole.lane].state is TrainingState.FINISHED
             assert ended[whole.lane].env_steps == whole.env_steps
@@ -110,8 +106,7 @@ class TrainerConformance:
                 assert mine is not None and theirs is not None and math.isclose(mine, theirs, rel_tol=1e-2)
 
     def test_progress_pays_nothing_to_rewards_that_tell_none(self) -> None:
-        paid = self.make().train(self.env, self.lanes(), replace(self.budget, bonus="progress"))
-        second = {event.lane: event for event in paid if isinstance(event, TrainingResult)}
+        second = self._trained(self.lanes(), replace(self.budget, bonus="progress"))
         own = {lane.id for lane in self.lanes() if isinstance(lane.program, str)}
         for first in (result for result in self._results() if result.lane in own):
             assert first.curves == second[first.lane].curves
@@ -124,9 +119,7 @@ class TrainerConformance:
             LaneSpec(id="own", program="sparse", start=policy, rescaled=True),
             LaneSpec(id="fresh", program="sparse", start=policy, rescaled=True, fresh=1.0),
         ]
-        trained = self.make().train(self.env, lanes, one)
-        peaks = {event.lane: event.best_reward for event in trained if isinstance(event, TrainingResult)}
-        acted = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        acted = _peaks(self._trained(lanes, one).values())
         scores = {s.lane: s for s in self._scores({"start": policy, **acted})}
         assert set(scores) == {"start", "own", "fresh"}
         assert math.isclose(scores["own"].episode_length, scores["start"].episode_length, rel_tol=0.05)
@@ -140,8 +133,7 @@ class TrainerConformance:
         assert self._scores(policies) == scores
 
     def test_a_changed_world_leaves_the_tasks_own_beside_it_alone(self) -> None:
-        peaks = (result.best_reward for result in self._finished())
-        policy = next(peak.policy for peak in peaks if peak is not None)
+        policy = next(iter(_peaks(self._finished()).values()))
         policies, heavy = {"own": policy, "heavy": policy}, {"heavy": Dynamics(mass=1.1)}
         scores = {s.lane: s for s in self._scores(policies, dynamics=heavy)}
         assert set(scores) == {"own", "heavy"}
@@ -172,18 +164,18 @@ class TrainerConformance:
     def test_nothing_to_do_is_done_at_once(self) -> None:
         assert list(self.make().evaluate(self.env, {}, seed=0)) == []
 
+    def _trained(self, lanes: Sequence[LaneSpec], budget: TrainBudget) -> dict[str, TrainingResult]:
+        events = self.make().train(self.env, lanes, budget)
+        return {event.lane: event for event in events if isinstance(event, TrainingResult)}
+
     def _scores(
-        self,
-        policies: Mapping[str, bytes],
-        trainer: Trainer | None = None,
-        **options: Any,
+        self, policies: Mapping[str, bytes], trainer: Trainer | None = None, **options: Any
     ) -> list[Evaluation]:
         playing = trainer or self.make()
         return list(playing.evaluate(self.env, policies, seed=7, episodes=self.episodes, **options))
 
     def _played(self) -> dict[str, bytes]:
-        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
-        return {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        return _peaks(self._finished()[:2])
 
     def _plain(self) -> list[Evaluation]:
         """Scores of the policies of `_played`, computed once for all checks of the class."""
@@ -206,3 +198,8 @@ class TrainerConformance:
         finished = [result for result in self._results() if result.state is TrainingState.FINISHED]
         assert finished, "a trainer must be able to finish training with the human and the sparse reward"
         return finished
+
+
+def _peaks(results: Iterable[TrainingResult]) -> dict[str, bytes]:
+    """The policies in which the rewards of lanes were highest, by lane."""
+    return {result.lane: result.best_reward.policy for result in results if result.best_reward is not None}
