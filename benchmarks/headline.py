@@ -33,7 +33,7 @@ from records import OUTPUTS, ROOT, Record, command_line, interval, keep, machine
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
 from openeureka.config import short_name
-from openeureka.llm.registry import archived
+from openeureka.llm.replay import archived
 from openeureka.report.view import RunView
 from openeureka.store.db import FILENAME
 

@@ -16,7 +16,7 @@ import table
 from openeureka import strategies
 from openeureka.benchmark.plan import load
 from openeureka.events import nobody
-from openeureka.llm.registry import archived
+from openeureka.llm.replay import archived
 from openeureka.method import race
 from openeureka.method.lanes import Lanes
 from openeureka.score import SeedScores

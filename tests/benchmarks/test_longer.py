@@ -9,7 +9,7 @@ import pytest
 import table
 
 from openeureka.benchmark.plan import load
-from openeureka.llm.registry import archived
+from openeureka.llm.replay import archived
 from openeureka.stats import mean
 
 

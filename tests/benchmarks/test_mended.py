@@ -6,7 +6,7 @@ import mended
 import table
 
 from openeureka.benchmark.plan import load
-from openeureka.llm.registry import archived
+from openeureka.llm.replay import archived
 
 
 def test_nothing_but_the_replies_differs_from_the_table():

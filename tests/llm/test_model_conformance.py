@@ -7,7 +7,7 @@ from openeureka.llm import grammar, local
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.local import LocalModel
 from openeureka.llm.random import RandomModel
-from openeureka.llm.registry import ReplayModel
+from openeureka.llm.replay import ReplayModel
 from openeureka.testing.conformance.model import ModelConformance
 from openeureka.types import Message, Prompt, Reply
 

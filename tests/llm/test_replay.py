@@ -1,7 +1,7 @@
 import pytest
 
 from openeureka.errors import ModelError
-from openeureka.llm.registry import ReplayModel
+from openeureka.llm.replay import ReplayModel
 from openeureka.types import Prompt, Reply, Usage
 
 PROMPT = Prompt(messages=())

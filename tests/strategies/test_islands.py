@@ -5,7 +5,7 @@ from loop.alone import run
 
 from openeureka.config import RunConfig
 from openeureka.llm.client import LanguageModel
-from openeureka.llm.registry import ReplayModel
+from openeureka.llm.replay import ReplayModel
 from openeureka.method import prompts
 from openeureka.store import Store, read_replies
 from openeureka.strategies import make

@@ -11,12 +11,6 @@ from ..reward import extract
 
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
-_OTHER_FORMS = {
-    "data:": "it streams its answers without being asked to: switch streaming off there",
-    "event:": "it streams its answers without being asked to: switch streaming off there",
-    "<": "its answer is a web page",
-}
-"""Beginning of an answer that is not JSON -> what this answer is."""
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
 """Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 
@@ -81,16 +75,21 @@ def _object(body: bytes) -> Mapping[str, Any]:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
-        for beginning, reason in _OTHER_FORMS.items():
-            if text.startswith(beginning):
-                raise Unreadable(reason, broken=False) from None
-        # An answer that begins like an object and is none was cut off or damaged on the way.
-        broken = not text or text.startswith("{")
-        reason = "its answer was cut off" if broken else "its answer is not a JSON object"
-        raise Unreadable(reason, broken=broken) from None
+        raise _no_json(text) from None
     if not isinstance(data, dict):
         raise Unreadable("its answer is not a JSON object", broken=False)
     return data
+
+
+def _no_json(text: str) -> Unreadable:
+    """What an answer is that is not JSON."""
+    if text.startswith(("data:", "event:")):
+        return Unreadable("it streams its answers without being asked to: switch streaming off there", broken=False)
+    if text.startswith("<"):
+        return Unreadable("its answer is a web page", broken=False)
+    if not text or text.startswith("{"):  # what begins like an object and is none was damaged on the way
+        return Unreadable("its answer was cut off", broken=True)
+    return Unreadable("its answer is not a JSON object", broken=False)
 
 
 def _choice(choice: object) -> Choice:

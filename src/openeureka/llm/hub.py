@@ -77,7 +77,9 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
         if expected is None:
             raise ModelError(f"The hub gives no sha256 for {url}; append @SHA256 to the model's name.")
         got = huggingface_hub.hf_hub_download(repo, file, local_dir=scratch, token=False, endpoint=endpoint())
-        if _hash(Path(got)) != expected:
+        with open(got, "rb") as downloaded:
+            sent = hashlib.file_digest(downloaded, "sha256").hexdigest()
+        if sent != expected:
             raise ModelError(f"The file from {url} does not have the sha256 {expected[:12]}…; try again.")
         os.replace(got, target)
     except HfHubHTTPError as error:
@@ -90,8 +92,3 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
         raise ModelError(f"{url} cannot be fetched ({said}); run the same command again.") from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

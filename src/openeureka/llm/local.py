@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,7 @@ class LocalModel:
         for first in range(0, n, MAX_BATCH):
             count = min(MAX_BATCH, n - first)
             worker = self._started(count, context_for(text))
-            answer = self._ask(worker, self._request(text, prompt.grammar, count, seed + first))
+            answer = self._answer(worker, _REPLY_SECONDS, self._request(text, prompt.grammar, count, seed + first))
             for index, sampled in enumerate(answer["texts"]):
                 yield Reply(
                     text=prompt.prefill + sampled,
@@ -87,33 +87,26 @@ class LocalModel:
         # By default ggml's threads spin at their barriers, and take the cores from other processes.
         self._worker = Worker(_SERVER, args=arguments, env={**os.environ, "GOMP_SPINCOUNT": "0"})
         self._capacity = (parallel, context)
-        self._receive(self._worker, _LOAD_SECONDS)
+        self._answer(self._worker, _LOAD_SECONDS)
         return self._worker
 
-    def _ask(self, worker: Worker, request: dict[str, Any]) -> dict[str, Any]:
+    def _answer(self, worker: Worker, timeout: float, request: Mapping[str, Any] | None = None) -> Mapping[str, Any]:
+        """The answer to a request; without one, what the process says once it has loaded the weights."""
         try:
-            worker.send(request)
+            if request is not None:
+                worker.send(request)
+            answer = worker.receive(timeout).header
         except WorkerError as error:
-            raise self._died(worker) from error
-        return self._receive(worker, _REPLY_SECONDS)
-
-    def _receive(self, worker: Worker, timeout: float) -> dict[str, Any]:
-        try:
-            answer = dict(worker.receive(timeout).header)
-        except WorkerError as error:
-            raise self._died(worker) from error
+            last = worker.last_words() or "it printed nothing"
+            self.close()
+            raise ModelError(
+                f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with "
+                "AVX2. Nothing is lost: resume when less else is running, or start a search with a smaller sample=."
+            ) from error
         if "error" in answer:
             self.close()
             raise ModelError(_SENTENCES[answer["error"]].format(detail=answer["detail"]))
         return answer
-
-    def _died(self, worker: Worker) -> ModelError:
-        last = worker.last_words() or "it printed nothing"
-        self.close()
-        return ModelError(
-            f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with AVX2. "
-            "Nothing is lost: resume when less else is running, or start a search with a smaller sample=."
-        )
 
 
 _SENTENCES = {

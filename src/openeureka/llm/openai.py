@@ -99,7 +99,8 @@ class EndpointModel:
         self._price = price
         self._wait = wait
         self._knows_n = True
-        self._reached = self._guesses = self._cuts = False
+        self._reached = False
+        self._warned: set[str] = set()
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         """Yield n replies. The seed is not sent: endpoints ignore or refuse it.
@@ -108,11 +109,13 @@ class EndpointModel:
             ModelError: the endpoint cannot answer.
         """
         missing, wasted, half = n, Usage(), None
-        for last in (*[False] * (ROUNDS - 1), True):
+        for turn in range(1, ROUNDS + 1):
+            last = turn == ROUNDS
             try:
                 for reply, whole in self._round(prompt, missing):
                     if whole or last:  # half a reply may cost a slot, further rounds could cost the run
-                        self._warn_of_cuts(reply, whole)
+                        if reply.text and not whole:
+                            self._warn("%s cuts replies off: raise its token limit or its context length.", self._where)
                         yield replace(reply, usage=reply.usage + wasted)
                         missing, wasted = missing - 1, Usage()
                     else:
@@ -127,10 +130,11 @@ class EndpointModel:
     def close(self) -> None:
         """Holds no memory worth freeing."""
 
-    def _warn_of_cuts(self, reply: Reply, whole: bool) -> None:
-        if reply.text and not whole and not self._cuts:
-            self._cuts = True
-            _log.warning("%s cuts replies off: raise its token limit or its context length.", self._where)
+    def _warn(self, text: str, *values: object) -> None:
+        """Once, however many requests see it."""
+        if text not in self._warned:
+            self._warned.add(text)
+            _log.warning(text, *values)
 
     def _round(self, prompt: Prompt, count: int) -> Iterator[_Answered]:
         """`count` replies."""
@@ -240,8 +244,7 @@ class EndpointModel:
             return False
         said = _said(error).lower()
         if manner.temperature is not None and "temperature" in said:
-            if self._manner.temperature is not None:
-                _log.warning("%s does not accept temperature=%g: it uses its own.", self.name, manner.temperature)
+            self._warn("%s does not accept temperature=%g: it uses its own.", self.name, manner.temperature)
             self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
             return True
         if manner.system and "role" in said and ("system" in said or "alternate" in said):
@@ -305,14 +308,15 @@ class EndpointModel:
     def _replies_of(self, prompt: Prompt, answer: Completion, n: int, seconds: float) -> list[_Answered]:
         """The replies of an answer; an answer without any is one empty reply."""
         choices = answer.choices[:n] or (completion.Choice("", whole=False),)
+        counted = answer.completion_tokens or (answer.prompt_tokens and not any(choice.text for choice in choices))
         replies = []
         for index, choice in enumerate(choices):
-            asked = prompt if index == 0 else None
-            if answer.completion_tokens or (answer.prompt_tokens and not any(choice.text for choice in choices)):
-                told = answer.prompt_tokens if asked else 0
-                spent = self._used(told, _share(answer.completion_tokens, len(choices), index))
+            first = index == 0  # the prompt is read once for all
+            if counted:
+                share = _share(answer.completion_tokens, len(choices), index)
+                spent = self._used(answer.prompt_tokens if first else 0, share)
             else:
-                spent = self._guessed(asked, choice.text)
+                spent = self._guessed(prompt.messages if first else (), choice.text)
             model = self._hidden(answer.model) or self.name
             reply = Reply(text=self._hidden(choice.text), model=model, usage=spent, seconds=seconds)
             replies.append((reply, choice.whole))
@@ -322,13 +326,12 @@ class EndpointModel:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
         return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
 
-    def _guessed(self, prompt: Prompt | None, text: str) -> Usage:
+    def _guessed(self, asked: Sequence[Message], text: str) -> Usage:
         """Usage where the endpoint counts no tokens: none of them, and costs guessed from the length of the texts."""
-        if self._price is not None and not self._guesses:
-            self._guesses = True
-            _log.warning("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
-        said = sum(len(message.content) for message in prompt.messages) if prompt is not None else 0
-        return replace(Usage(), cost_usd=self._used(said // CHARACTERS, len(text) // CHARACTERS).cost_usd)
+        if self._price is not None:
+            self._warn("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
+        said = sum(len(message.content) for message in asked)
+        return Usage(cost_usd=self._used(said // CHARACTERS, len(text) // CHARACTERS).cost_usd)
 
 
 def _share(total: int, count: int, index: int) -> int:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import difflib
-import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..config import NO_MODEL, RunConfig
-from ..errors import ConfigError, ModelError, StoreError
+from ..config import RunConfig
+from ..errors import ConfigError
 from ..plugins import Door
 from ..types import Prompt, Reply, Style
 from . import hub, price, weights
@@ -56,14 +55,17 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     if config.model == "random":
         return RandomModel()
     if kind == "replay":
-        return _replay(config, rest, held)
-    if not config.base_url and (_is_import(*config.model.rpartition(":")[::2]) or MODELS.installed(config.model)):
+        from .replay import recorded  # which needs the store
+
+        return recorded(config, rest, held=held)
+    if not config.base_url and (_is_import(config.model) or MODELS.installed(config.model)):
         return priced(MODELS.make(config.model, config), config)
     return _endpoint(config)
 
 
-def _is_import(module: str, name: str) -> bool:
-    """Whether `module:name` names Python code. Models of endpoints may have a colon too: `llama3.2:latest`."""
+def _is_import(model: str) -> bool:
+    """Whether `MODULE:NAME` names Python code. Models of endpoints may have a colon too: `llama3.2:latest`."""
+    module, _, name = model.rpartition(":")
     parts, found = module.split("."), False
     with suppress(ValueError):  # a module without a spec, such as `__main__`
         found = all(map(str.isidentifier, parts)) and (len(parts) > 1 or find_spec(module) is not None)
@@ -74,8 +76,7 @@ def is_plain(model: str) -> bool:
     """Whether a value of `model=` is only a name: one that cannot pick a file, a download or code to run."""
     if model in KINDS or MODELS.installed(model):
         return True
-    module, _, name = model.rpartition(":")
-    return model.partition(":")[0] not in KINDS and not _is_import(module, name)
+    return model.partition(":")[0] not in KINDS and not _is_import(model)
 
 
 def expect(config: RunConfig) -> None:
@@ -101,50 +102,6 @@ def _local(config: RunConfig, where: str) -> LanguageModel:
         weights.expect_default()
         find = weights.default
     return LocalModel(find, name=config.model, temperature=config.temperature, threads=config.threads)
-
-
-def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
-    from ..store import read_config, read_replies
-
-    if not where:
-        raise ConfigError(
-            "`model=replay:` must name the directory of a run, for example model=replay:outputs/RUN, or a JSON file."
-        )
-    if not where.endswith(".json"):
-        recorded = read_config(where).model
-        if recorded == NO_MODEL:
-            raise ConfigError(f"{where} compares given rewards, and holds no replies; name the directory of a search.")
-        return ReplayModel(read_replies(where), _style(recorded), held=held)
-    if config.hearings:
-        raise ConfigError(f"{where} holds replies but no person's remarks: leave feedback=human out.")
-    return ReplayModel(archived(Path(where)), "free", held=held)
-
-
-def _style(recorded: str) -> Style:
-    """The style in which a run's model was asked: that of a replay is the style of the replayed run, if it exists."""
-    from ..store import read_config
-
-    seen = set[str]()
-    while recorded.startswith("replay:") and recorded not in seen:  # a copied or changed run may lead back to itself
-        seen.add(recorded)
-        with suppress(OSError, StoreError):
-            recorded = read_config(recorded.removeprefix("replay:")).model
-    return "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
-
-
-def archived(path: Path) -> list[Reply]:
-    """The replies of a JSON file, `{"model": NAME, "replies": [TEXT, ...]}`, in their order. Raises ConfigError for any
-    other file."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
-        name, texts = found["model"], found["replies"]
-    except OSError as error:
-        raise ConfigError(f"Cannot read the replies in {path}: {error.strerror}.") from None
-    except (ValueError, LookupError, TypeError):
-        name, texts = None, None
-    if not isinstance(name, str) or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise ConfigError(f'{path} is not a file of replies: it must hold {{"model": NAME, "replies": [TEXT, ...]}}.')
-    return [Reply(text=text, model=name) for text in texts]
 
 
 def priced(model: LanguageModel, config: RunConfig) -> LanguageModel:
@@ -201,35 +158,3 @@ class PricedModel:
 
     def close(self) -> None:
         self._model.close()
-
-
-class ReplayModel:
-    """Re-runs a search offline. Replies were paid for once, so they cost nothing here.
-
-    Args:
-        replies: all replies of the other run, in its order.
-        style: of the model that wrote them.
-        held: how many of them this run already has, when it is resumed.
-    """
-
-    name = "replay"
-
-    def __init__(self, replies: Sequence[Reply], style: Style, *, held: int = 0) -> None:
-        self.style: Style = style
-        self._replies = replies
-        self._next = held
-
-    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
-        """Yield the next n replies, whatever the prompt asks. Raises ModelError where the recording has no more."""
-        for _ in range(n):
-            if self._next >= len(self._replies):
-                raise ModelError(
-                    f"The replay holds {len(self._replies)} replies, but this run needs more; give it the same "
-                    "env, sample, iteration, refill, search and seed."
-                )
-            reply = self._replies[self._next]
-            self._next += 1
-            yield replace(reply, usage=replace(reply.usage, cost_usd=0.0))
-
-    def close(self) -> None:
-        """Holds nothing."""
