@@ -13,9 +13,9 @@ from torch import Tensor
 
 from . import math as helper_functions
 from . import surface
+from .folding import numpy_name
 from .gate import Program
 from .math import holds_tensor, norm, tensor_of
-from .syntax import numpy_name
 
 Runner = Callable[[Mapping[str, Any]], object]
 """Takes every state variable, `num_envs` and `device` by name; returns whatever the program returns."""

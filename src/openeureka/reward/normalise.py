@@ -14,7 +14,8 @@ from typing import TypeVar, cast
 
 from ..types import Finding
 from . import surface
-from .syntax import Folder, dotted, stored
+from .folding import Folder
+from .syntax import dotted, stored
 
 ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
 DROPPED_DECORATORS = frozenset({

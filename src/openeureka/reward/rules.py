@@ -7,8 +7,9 @@ from collections.abc import Iterable
 
 from ..types import Finding, StateSpec
 from . import guess, surface
+from .folding import MAX_INT
 from .normalise import DEVICES, LEAVE_OUT, Draft
-from .syntax import MAX_INT, Scope, bound, defaults, dotted, identifiers, rebound, shown
+from .syntax import Scope, bound, defaults, dotted, identifiers, rebound, shown
 
 MAX_RANGE = 1_000
 MAX_GUESSED = 40
