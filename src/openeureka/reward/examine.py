@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -51,10 +52,10 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0
     try:
         validate(traced.graph)
         paying = _examine_inputs(traced.graph, spec)
-        recorded = only(recorded, spec, inputs(traced.graph))
-        _examine_memory(traced, spec, recorded, worlds)
-        _examine_values(traced, spec, recorded, worlds)
-        _examine_reductions(traced, spec, recorded, paying)
+        case = _Case(traced, spec, only(recorded, spec, inputs(traced.graph)), worlds)
+        _examine_memory(case)
+        _examine_values(case)
+        _examine_reductions(case, paying)
     except Refused as refusal:
         return (refusal.finding,)
     except Exception as error:  # a forged graph may call an operation in any wrong way
@@ -62,12 +63,41 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0
     return ()
 
 
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """A graph, and the states that it is judged on."""
+
+    traced: Traced
+    spec: StateSpec
+    recorded: Recorded
+    worlds: int
+    """Per lane in training; 0 where that is not known."""
+
+    @property
+    def graph(self) -> RewardGraph:
+        return self.traced.graph
+
+    @property
+    def count(self) -> int:
+        """The number of recorded worlds."""
+        return world_count(self.recorded, self.spec)
+
+    @property
+    def more(self) -> int:
+        """The number of worlds in training; if that is not above the number of recorded worlds, a number that is."""
+        return self.worlds if self.worlds > self.count else 2 * self.count + 1
+
+    def line(self, index: int) -> int | None:
+        return self.traced.lines[index] if index < len(self.traced.lines) else None
+
+    def shapes(self, count: int) -> Iterator[Any]:
+        """The shape of each node's value in turn, for `count` worlds: tensors on the meta device."""
+        state = {name: _meta(name, value, self.spec, count) for name, value in self.recorded.items()}
+        return graphs.values(self.graph, state, count, "meta")
+
+
 def _text(error: Exception) -> str:
     return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-
-
-def _line(traced: Traced, index: int) -> int | None:
-    return traced.lines[index] if index < len(traced.lines) else None
 
 
 def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
@@ -82,37 +112,33 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
     return paying
 
 
-def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
+def _examine_memory(case: _Case) -> None:
     """Measure shapes before any number is computed: for as many worlds as in training, for more than were recorded, and
     for `_MANY_WORLDS`.
 
     A shape that shrinks as worlds are added can be small for few and for many worlds and large in between. If a graph
     may have one, powers of two are measured too.
     """
-    recorded_worlds = world_count(recorded, spec)
-    counts = {_more(worlds, recorded_worlds), _MANY_WORLDS}
-    if worlds:
-        counts.add(worlds)
-    if any(node.op in _MAY_SHRINK and _grows_with_worlds(node) for node in traced.graph.nodes):
+    counts = {case.worlds or case.more, case.more, _MANY_WORLDS}
+    if any(node.op in _MAY_SHRINK and _grows_with_worlds(node) for node in case.graph.nodes):
         counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
     for count in sorted(counts):
-        total, index, shapes = 0, -1, _shapes(traced.graph, spec, recorded, count)
+        total, index = 0, -1
         seen: list[Any] = []
         try:
-            for index, value in enumerate(shapes):
+            for index, value in enumerate(case.shapes(count)):
                 seen.append(value)
                 size = _size(value)
                 total += size
                 if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
-                    raise _too_large(traced, index)
+                    raise _too_large(case.line(index))
         except (IndexError, RuntimeError, TypeError, ValueError) as error:
-            line = _line(traced, index + 1)
             message = f"its graph does not run with {count} worlds: {_text(error)}"
             fix = "treat all worlds alike, however many there are"
-            sources = (i for i in needed(traced.graph, index + 1) if i <= index)
-            if any(_picks_by_mask(traced.graph.nodes[i], seen, count) for i in sources):
+            sources = (i for i in needed(case.graph, index + 1) if i <= index)
+            if any(_picks_by_mask(case.graph.nodes[i], seen, count) for i in sources):
                 fix = "pick columns by number, as in `x[:, [0, 2]]`, not by a mask"
-            raise Refused("operation", message, fix, line) from None
+            raise Refused("operation", message, fix, case.line(index + 1)) from None
 
 
 def _picks_by_mask(node: Node, seen: Sequence[Any], count: int) -> bool:
@@ -128,29 +154,18 @@ def _grows_with_worlds(node: Node) -> bool:
     return any(isinstance(leaf, Mapping) and "n" in leaf for leaf in leaves(node))
 
 
-def _more(worlds: int, recorded_worlds: int) -> int:
-    """The number of worlds in training; if that is not above the number of recorded worlds, a number that is."""
-    return worlds if worlds > recorded_worlds else 2 * recorded_worlds + 1
-
-
 def _size(value: Any) -> int:
     """Numbers in the value of a node, which may be several tensors."""
     return value.numel() if isinstance(value, Tensor) else sum(part.numel() for part in value)
 
 
-def _too_large(traced: Traced, index: int) -> Refused:
+def _too_large(line: int | None) -> Refused:
     return Refused(
         "memory",
         "a tensor here grows with the square of the number of worlds or is far too large",
         "check for (N,) against (N, 1) and keep one row per world",
-        _line(traced, index),
+        line,
     )
-
-
-def _shapes(graph: RewardGraph, spec: StateSpec, recorded: Recorded, count: int) -> Iterator[Any]:
-    """The shape of each node's value in turn, for `count` worlds: tensors on the meta device."""
-    state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
-    return graphs.values(graph, state, count, "meta")
 
 
 def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -> Any:
@@ -160,10 +175,10 @@ def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -
     return torch.empty(shape, dtype=value.dtype, device="meta")
 
 
-def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
-    graph, count = traced.graph, world_count(recorded, spec)
+def _examine_values(case: _Case) -> None:
+    graph, count = case.graph, case.count
     with torch.no_grad():
-        done = list(graphs.values(graph, recorded, count))
+        done = list(graphs.values(graph, case.recorded, count))
     reward, components = outputs((done[graph.reward], {name: done[i] for name, i in graph.components}), count)
     for name, index in graph.components:
         if components[name] is not done[index]:  # `outputs` took a mean; a probe writes it into the graph
@@ -171,28 +186,28 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     for name, index in _named_outputs(graph):
         bad = ~torch.isfinite(done[index].double())
         if bad.any():
-            line = next((_line(traced, i) for i, value in enumerate(done) if _makes_bad(graph, done, i, value)), None)
+            line = next((case.line(i) for i, value in enumerate(done) if _makes_bad(graph, done, i, value)), None)
             message = f"{name} is NaN or infinite in {int(bad.sum())} of {count} recorded states"
             raise Refused("nan", message, "guard divisions, sqrt, log, acos and large exponents with clamp", line)
     largest = float(reward.double().abs().max())
     if largest > MAX_REWARD:
         raise Refused("magnitude", f"the reward reaches {largest:.3g}", f"keep it within {MAX_REWARD:.0e}")
-    _examine_independence(traced, spec, recorded, done, worlds)
+    _examine_independence(case, done)
 
 
-def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, paying: Set[int]) -> None:
+def _examine_reductions(case: _Case, paying: Set[int]) -> None:
     """Refuse a reward that reduces, scans or sorts over worlds, even if the result was the same in all recorded states,
     such as whether any world presses too hard. A single element of a scan or sort depends on all worlds, too.
     Operations that only pick worlds are judged by values: what they pick may be the same for all worlds.
     """
-    small, large = (list(_shapes(traced.graph, spec, recorded, count)) for count in TRACE_SIZES)
+    small, large = (list(case.shapes(count)) for count in TRACE_SIZES)
     grows = [_size(a) != _size(b) for a, b in zip(small, large, strict=True)]
     for index in sorted(paying):
-        node = traced.graph.nodes[index]
+        node = case.graph.nodes[index]
         among = any(grows[source] for source in references(node))
         reduced = among and not grows[index] and node.op.partition(".")[0] not in _PICKS
         if reduced or _scans_worlds(node, small, large):
-            raise _coupled("the reward", _line(traced, index))
+            raise _coupled("the reward", case.line(index))
 
 
 def _scans_worlds(node: Node, small: Sequence[Any], large: Sequence[Any]) -> bool:
@@ -222,22 +237,20 @@ def _makes_bad(graph: RewardGraph, done: Sequence[Any], index: int, value: Any) 
     return bool(sources) and all(isinstance(s, Tensor) and torch.isfinite(s.double()).all() for s in sources)
 
 
-def _examine_independence(
-    traced: Traced, spec: StateSpec, recorded: Recorded, whole: Sequence[Any], worlds: int
-) -> None:
+def _examine_independence(case: _Case, whole: Sequence[Any]) -> None:
     """Each world's value must be the same whichever other worlds are there, fewer than recorded or more."""
-    count, generator = world_count(recorded, spec), torch.Generator().manual_seed(0)
+    count, generator = case.count, torch.Generator().manual_seed(0)
     shuffled = torch.randperm(count, generator=generator)
-    more = torch.randint(count, (_more(worlds, count),), generator=generator)
-    few = [shuffled[:worlds]] if 0 < worlds < count else []
+    more = torch.randint(count, (case.more,), generator=generator)
+    few = [shuffled[: case.worlds]] if 0 < case.worlds < count else []
     for chosen in (torch.tensor([count // 2]), shuffled[:7], shuffled[:64], *few, shuffled, more):
-        _examine_among(traced, spec, recorded, whole, chosen)
+        _examine_among(case, whole, chosen)
 
 
-def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: Sequence[Any], chosen: Tensor) -> None:
-    graph, count = traced.graph, world_count(recorded, spec)
+def _examine_among(case: _Case, whole: Sequence[Any], chosen: Tensor) -> None:
+    graph, count = case.graph, case.count
     outputs_of = dict(_named_outputs(graph))
-    state, found, index = take(recorded, spec, chosen), {}, -1
+    state, found, index = take(case.recorded, case.spec, chosen), {}, -1
     started = time.thread_time()
     try:
         with torch.no_grad():
@@ -246,8 +259,8 @@ def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: S
                     found[index] = value
     except (IndexError, RuntimeError) as error:  # such as for `x[1]` with a single world
         if "allocate memory" in str(error):
-            raise _too_large(traced, index + 1) from None
-        raise _coupled("the reward", _line(traced, index + 1)) from None
+            raise _too_large(case.line(index + 1)) from None
+        raise _coupled("the reward", case.line(index + 1)) from None
     seconds = time.thread_time() - started
     if seconds > MAX_CALL_SECONDS:
         message = f"one call takes {seconds:.1f} s with {len(chosen)} worlds"
@@ -256,7 +269,7 @@ def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: S
         if _differs(found[place], whole[place], chosen, count):
             parts = zip(graphs.values(graph, state, len(chosen)), whole, strict=True)
             first = next(i for i, (part, among) in enumerate(parts) if _differs(part, among, chosen, count))
-            raise _coupled(name, _line(traced, first))
+            raise _coupled(name, case.line(first))
 
 
 def _coupled(name: str, line: int | None) -> Refused:

@@ -145,43 +145,71 @@ def probe(run: Runner, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> 
     Raises:
         Refused: at the first rule it breaks.
     """
-    everyone = range(world_count(recorded, spec))
-    eager = _watched(run, spec, recorded, everyone)
-    again = outputs(_run(run, _state(recorded, spec, everyone)), len(everyone))
+    trial, everyone = _Trial(run, spec, recorded), range(world_count(recorded, spec))
+    eager = trial.watched(everyone)
+    again = outputs(_run(run, trial.state(everyone)), len(everyone))
     if len(eager[1]) != len(again[1]) or not all(map(_same, _flat(eager), _flat(again))):
         raise Refused("nondeterminism", "the same states give another reward on the second call", "keep no state")
-    unified, lines = _unified(run, spec, recorded)
+    unified, lines = trial.unified()
     graph, origin = graphs.simplify(unified)
-    _compare(graph, _state(recorded, spec, everyone), eager)
+    _compare(graph, trial.state(everyone), eager)
     if worlds not in (0, len(everyone)):
-        state = _state(recorded, spec, range(worlds))
+        state = trial.state(range(worlds))
         _compare(graph, state, outputs(_run(run, state), worlds), rule="world-count")
     return Traced(graph, tuple(lines[index] for index in origin))
 
 
-def _state(recorded: Recorded, spec: StateSpec, worlds: Sequence[int]) -> dict[str, Any]:
-    """States of some worlds, with what every program may read besides the task's table."""
-    return {"num_envs": len(worlds), "device": torch.device("cpu"), **take(recorded, spec, worlds)}
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """A program, and the recorded states that it runs on."""
+
+    run: Runner
+    spec: StateSpec
+    recorded: Recorded
+
+    def state(self, worlds: Sequence[int]) -> dict[str, Any]:
+        """States of some worlds, with what every program may read besides the task's table."""
+        return {"num_envs": len(worlds), "device": torch.device("cpu"), **take(self.recorded, self.spec, worlds)}
+
+    def watched(self, worlds: Sequence[int]) -> Outputs:
+        """The program's outputs. Raises Refused if it edits its inputs, draws random numbers or reads values."""
+        state = self.state(worlds)
+        guard = Guard(_tensors(state))
+        with torch.no_grad(), guard:
+            result = _run(self.run, state)
+        if guard.refusal is not None:
+            raise guard.refusal
+        for name, before in _tensors(self.state(worlds)).items():
+            if not _same(state[name], before):
+                raise Refused("input-edit", f"the program changes its input `{name}`", f"work on `{name}.clone()`")
+        reward, components = outputs(result, len(worlds))
+        clones = {name: value.clone() if isinstance(value, Tensor) else value for name, value in components.items()}
+        return reward.clone(), clones
+
+    def traced(self, tracer: Tracer, worlds: Sequence[int]) -> RewardGraph:
+        state = self.state(worlds)
+
+        def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
+            return outputs(_run(self.run, {**state, **tensors}), len(worlds))
+
+        return trace(tracer, from_tensors, _tensors(state))
+
+    def unified(self) -> tuple[RewardGraph, list[int | None]]:
+        """One graph from traces of two sizes on different worlds, and the program's line for each node."""
+        small, large = TRACE_SIZES
+        tracer, worlds = Tracer(small), _paired(0, small)
+        one = self.traced(tracer, worlds)
+        for every in (True, False) if tracer.selections else ():
+            forced, found = Tracer(small, every), None
+            with contextlib.suppress(Refused):
+                found = self.traced(forced, worlds)
+            refuse_sizes(tracer, one, forced, found)
+        other = self.traced(Tracer(large), _paired(small, large))
+        return unify(one, other, TRACE_SIZES, tracer.lines), tracer.lines
 
 
 def _tensors(state: Mapping[str, Any]) -> dict[str, Tensor]:
     return {name: value for name, value in state.items() if isinstance(value, Tensor)}
-
-
-def _watched(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> Outputs:
-    """The program's outputs on all recorded states. Raises Refused if it edits them, draws numbers or reads values."""
-    state = _state(recorded, spec, worlds)
-    guard = Guard(_tensors(state))
-    with torch.no_grad(), guard:
-        result = _run(run, state)
-    if guard.refusal is not None:
-        raise guard.refusal
-    for name, before in _tensors(take(recorded, spec, worlds)).items():
-        if not _same(state[name], before):
-            raise Refused("input-edit", f"the program changes its input `{name}`", f"work on `{name}.clone()`")
-    reward, components = outputs(result, len(worlds))
-    clones = {name: value.clone() if isinstance(value, Tensor) else value for name, value in components.items()}
-    return reward.clone(), clones
 
 
 def _same(a: Tensor | float, b: Tensor | float) -> bool:
@@ -193,29 +221,6 @@ def _same(a: Tensor | float, b: Tensor | float) -> bool:
 
 def _flat(result: Outputs) -> list[Tensor | float]:
     return [result[0], *result[1].values()]
-
-
-def _traced(tracer: Tracer, run: Runner, spec: StateSpec, recorded: Recorded, worlds: Sequence[int]) -> RewardGraph:
-    state = _state(recorded, spec, worlds)
-
-    def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
-        return outputs(_run(run, {**state, **tensors}), len(worlds))
-
-    return trace(tracer, from_tensors, _tensors(state))
-
-
-def _unified(run: Runner, spec: StateSpec, recorded: Recorded) -> tuple[RewardGraph, list[int | None]]:
-    """One graph from traces of two sizes on different worlds, and the program's line for each node."""
-    small, large = TRACE_SIZES
-    tracer, worlds = Tracer(small), _paired(0, small)
-    one = _traced(tracer, run, spec, recorded, worlds)
-    for every in (True, False) if tracer.selections else ():
-        forced, found = Tracer(small, every), None
-        with contextlib.suppress(Refused):
-            found = _traced(forced, run, spec, recorded, worlds)
-        refuse_sizes(tracer, one, forced, found)
-    other = _traced(Tracer(large), run, spec, recorded, _paired(small, large))
-    return unify(one, other, TRACE_SIZES, tracer.lines), tracer.lines
 
 
 def _paired(first: int, count: int) -> list[int]:

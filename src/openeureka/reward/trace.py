@@ -204,13 +204,7 @@ class Tracer(Mode):
             return result
         if op in _MASKED:
             args = (args[0], self._numbered(args[1]), *args[2:])
-        written = args
-        if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
-            op, written = _squeeze(args)
-        if op == "_reshape_alias.default":  # its strides are unchecked: forged ones read any memory
-            op, written = "reshape.default", args[:2]
-        if op == "zero.default":  # a functionalised `zero_`, which torch offers in place only
-            op = "zeros_like.default"
+        op, written = _written(op, args)
         if op not in surface.ATEN:
             spelt, fix = _SPELT.get(op.partition(".")[0], (op, "write it with simpler tensor operations"))
             raise Refused("operation", f"the operation `{spelt}` cannot be part of a reward", fix, current_line())
@@ -280,15 +274,21 @@ class Tracer(Mode):
         )
 
 
-def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
-    """Name the dimensions that are dropped, so that a single world keeps its world axis."""
-    tensor: Tensor = args[0]
-    given: Sequence[Any] = args[1:]
-    if not given:
-        given = range(tensor.dim())
-    elif isinstance(given[0], list | tuple):
-        given = cast(Sequence[int], given[0])
-    return "squeeze.dims", (tensor, tuple(dim for dim in given if tensor.dim() and tensor.shape[dim] == 1))
+def _written(op: str, args: Sequence[Any]) -> tuple[str, Sequence[Any]]:
+    """The operation and the arguments that a graph holds for one that torch ran."""
+    if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
+        return "squeeze.dims", (args[0], _dropped(*args))
+    if op == "_reshape_alias.default":  # its strides are unchecked: forged ones read any memory
+        return "reshape.default", args[:2]
+    if op == "zero.default":  # a functionalised `zero_`, which torch offers in place only
+        return "zeros_like.default", args
+    return op, args
+
+
+def _dropped(tensor: Tensor, given: int | Sequence[int] | None = None) -> tuple[int, ...]:
+    """The dimensions that a squeeze drops, by number, so that a single world keeps its world axis."""
+    dims = range(tensor.dim()) if given is None else [given] if isinstance(given, int) else given
+    return tuple(dim for dim in dims if tensor.dim() and tensor.shape[dim] == 1)
 
 
 class _Pure(TorchFunctionMode):
