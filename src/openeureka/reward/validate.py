@@ -131,15 +131,11 @@ def _validate_node(node: Node, index: int) -> None:
 
 
 def _validate_constant(node: Node) -> None:
-    if len(node.args) != 3 or node.kwargs:
-        raise GraphError("a constant has values, a shape and a dtype")
-    values, shape, dtype = node.args
+    values, shape, dtype = node.args if len(node.args) == 3 and not node.kwargs else (None, None, None)
     if not isinstance(values, tuple) or not isinstance(shape, tuple) or not _is_name(dtype, surface.DTYPES):
         raise GraphError("a constant has values, a shape and a dtype")
-    if len(values) > MAX_CONSTANT or len(shape) > MAX_DIMENSIONS:
-        raise GraphError(f"a constant holds at most {MAX_CONSTANT} numbers")
-    if not all(_is_number(value) for value in values):
-        raise GraphError("a constant holds numbers")
+    if len(values) > MAX_CONSTANT or len(shape) > MAX_DIMENSIONS or not all(map(_is_number, values)):
+        raise GraphError(f"a constant holds at most {MAX_CONSTANT} numbers in {MAX_DIMENSIONS} dimensions")
     sizes = [size for size in shape if type(size) is int and size >= 0]
     if len(sizes) < len(shape) or math.prod(sizes) != len(values):
         raise GraphError("a constant's shape does not fit its values")
