@@ -78,8 +78,12 @@ class Endpoint:
     def url(self) -> str:
         return f"http://127.0.0.1:{self.server.server_port}/v1"
 
-    def model(self, **arguments) -> EndpointModel:
-        return EndpointModel("m", **{"base_url": self.url, "wait": self.waits.append, **arguments})
+    def model(self, *, patient: bool = False, **arguments) -> EndpointModel:
+        """Without `patient`, its waits are noted and take no time."""
+        made = EndpointModel("m", **{"base_url": self.url, **arguments})
+        if not patient:
+            made._pause = lambda seconds, gone: self.waits.append(seconds)
+        return made
 
 
 def sample(model: EndpointModel, n: int) -> list[Reply]:

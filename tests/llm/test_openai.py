@@ -307,7 +307,7 @@ def test_requests_that_nobody_waits_for_are_not_tried_again_and_hold_no_exit_up(
         return answer("x") if first.acquire(blocking=False) else failure(503, Retry_After="100")
 
     endpoint.script = script
-    replies = endpoint.model(wait=None).sample(PROMPT, n=9, seed=0)
+    replies = endpoint.model(patient=True).sample(PROMPT, n=9, seed=0)
     next(replies)
     asking = [thread for thread in threading.enumerate() if thread.name == "openeureka: asks"]
     assert asking and all(thread.daemon for thread in asking)

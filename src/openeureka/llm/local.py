@@ -127,13 +127,10 @@ def chatml(messages: Sequence[Message], prefill: str) -> str:
 
     Written by hand because a chat interface takes no answer that is already begun.
     """
-    turns = "".join(f"<|im_start|>{message.role}\n{_inert(message.content)}<|im_end|>\n" for message in messages)
+    # Markers of the format are broken up in a text, so that it cannot forge one.
+    texts = ((message.role, message.content.replace("<|", "< |")) for message in messages)
+    turns = "".join(f"<|im_start|>{role}\n{text}<|im_end|>\n" for role, text in texts)
     return f"{turns}<|im_start|>assistant\n{prefill}"
-
-
-def _inert(text: str) -> str:
-    """The text with markers of the format broken up, so that it cannot forge one."""
-    return text.replace("<|", "< |")
 
 
 def context_for(text: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
 from threading import Event, Semaphore, Thread
@@ -70,7 +70,6 @@ class EndpointModel:
         name: of the model, as the endpoint knows it.
         base_url: of the endpoint; empty means OpenAI's.
         price: None where it is not known; costs then count as zero.
-        wait: sleeps between tries, for tests; without it, the sleep ends early when nobody waits for the answer.
 
     Raises:
         ModelError: no key.
@@ -86,7 +85,6 @@ class EndpointModel:
         base_url: str = "",
         temperature: float = 1.0,
         price: Price | None = None,
-        wait: Callable[[float], object] | None = None,
     ) -> None:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
@@ -97,7 +95,6 @@ class EndpointModel:
         self._detour = connection.detour(str(self._client.base_url))
         self._manner = _Manner(temperature)
         self._price = price
-        self._wait = wait
         self._knows_n = True
         self._reached = False
         self._warned: set[str] = set()
@@ -180,7 +177,7 @@ class EndpointModel:
 
     def _call(self, prompt: Prompt, n: int, gone: Event) -> list[_Answered]:
         """One request, tried again while that may help and `gone` is not set."""
-        wait, silences = self._wait or gone.wait, 0
+        silences = 0
         for attempt in range(ATTEMPTS):
             if gone.is_set():
                 return []
@@ -191,17 +188,20 @@ class EndpointModel:
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
-                wait(connection.delay({}, attempt))
+                self._pause(connection.delay({}, attempt), gone)
             except openai.APIError as error:
                 silences += _is_silence(error)
                 if not self._adapted(error, n, manner, attempt):
                     last = last or silences == SILENCES or time.monotonic() - began >= PATIENCE
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    wait(connection.delay(_headers(error), attempt))
+                    self._pause(connection.delay(_headers(error), attempt), gone)
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
+
+    def _pause(self, seconds: float, gone: Event) -> None:
+        gone.wait(seconds)  # ends early when nobody waits for the answer
 
     def _post(self, prompt: Prompt, n: int, manner: _Manner) -> bytes:
         """The body of the answer. Raises openai.APIError, or Unreadable for one of more than MAX_BODY bytes."""
