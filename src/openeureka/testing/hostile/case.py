@@ -61,12 +61,16 @@ def gate_text(number: int, name: str, rule: str, source: str) -> Hostile:
 
 
 def probe(number: int, name: str, rule: str, body: str) -> Hostile:
-    return Hostile(number, name, function(body), Layer.PROBE, VerdictCode.CONTRACT, rule)
+    return probe_text(number, name, rule, function(body))
+
+
+def probe_text(number: int, name: str, rule: str, source: str) -> Hostile:
+    return Hostile(number, name, source, Layer.PROBE, VerdictCode.CONTRACT, rule)
 
 
 def returns(number: int, name: str, rule: str, value: str) -> Hostile:
     source = f"def compute_reward(pos, vel):\n    r = -pos.norm(dim=-1)\n    return {value}\n"
-    return Hostile(number, name, source, Layer.PROBE, VerdictCode.CONTRACT, rule)
+    return probe_text(number, name, rule, source)
 
 
 def out_of_memory(number: int, name: str, body: str) -> Hostile:
