@@ -195,7 +195,8 @@ class EndpointModel:
                     last = last or silences == SILENCES or time.monotonic() - began >= PATIENCE
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    self._pause(connection.delay(_headers(error), attempt), gone)
+                    headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
+                    self._pause(connection.delay(headers, attempt), gone)
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
@@ -369,7 +370,3 @@ def _said(error: openai.APIError) -> str:
     words = " ".join(body.split()) if isinstance(body, str) else ""
     known = not words or words.startswith("<") or words in error.message  # `<` begins a web page
     return error.message if known else f"{error.message} - {words}"
-
-
-def _headers(error: openai.APIError) -> Mapping[str, str]:
-    return error.response.headers if isinstance(error, openai.APIStatusError) else {}

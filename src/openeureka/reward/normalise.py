@@ -369,8 +369,7 @@ class Normaliser(ast.NodeTransformer):
                 return node
 
     def _without_device(self, node: ast.Call) -> ast.expr:
-        """A call of torch or a helper. A graph runs on the device of its inputs, so one that the author names has no
-        meaning."""
+        """The call without the device that its author names, which means nothing: a graph runs where its inputs are."""
         node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
         if isinstance(node.func, ast.Attribute):
             if node.func.attr == "to" and node.args and isinstance(node.args[0], ast.Constant):

@@ -84,12 +84,9 @@ def _parts(place: ast.expr) -> Iterator[ast.AST]:
         if isinstance(node, ast.Call) and function(node) in _CHOOSING:
             continue
         yield node
-        parts = ast.iter_child_nodes(node)
-        todo += (part.value if isinstance(part, ast.Attribute) and _is_called(part, node) else part for part in parts)
-
-
-def _is_called(part: ast.AST, node: ast.AST) -> bool:
-    return isinstance(node, ast.Call) and node.func is part
+        todo += ast.iter_child_nodes(node)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            todo.append(node.func.value)  # `x.sum()` reads x; its attribute was called, not read
 
 
 def _flows(functions: Sequence[ast.FunctionDef], trees: Iterable[ast.AST]) -> Iterator[Flow]:

@@ -69,14 +69,7 @@ class Sandbox:
         SandboxUnavailable: on entry, where the kernel lacks Landlock or seccomp and `unsafe` is false.
     """
 
-    def __init__(
-        self,
-        state: StateSpec,
-        recorded: Recorded,
-        *,
-        worlds: int = 0,
-        unsafe: bool = False,
-    ) -> None:
+    def __init__(self, state: StateSpec, recorded: Recorded, *, worlds: int = 0, unsafe: bool = False) -> None:
         missing = [v.name for v in state.variables if v.name not in recorded and v.kind != "num_envs"]
         if missing:
             raise ValueError(f"no recorded states for {missing}")
@@ -148,7 +141,9 @@ class Sandbox:
 
     def _start(self) -> Worker:
         tensors = self._tensors
-        worker = Worker("openeureka.sandbox.server", env=_environment(), max_blobs=2 * server.MAX_ANSWER)
+        # No secret, only the path of libraries that torch loads at its start on a cluster.
+        env = {name: os.environ[name] for name in ("LD_LIBRARY_PATH",) if name in os.environ}
+        worker = Worker("openeureka.sandbox.server", env=env, max_blobs=2 * server.MAX_ANSWER)
         header = {
             "spec": self.state,
             "numbers": {name: value for name, value in self.recorded.items() if name not in tensors},
@@ -186,11 +181,6 @@ class Sandbox:
                 self.close()
                 outcome = "silent" if isinstance(error, WorkerTimeout) else "crashed"
         return Frame({"outcome": outcome})
-
-
-def _environment() -> dict[str, str]:
-    """The server's environment: no secret, only the path of libraries that torch loads at its start on a cluster."""
-    return {name: os.environ[name] for name in ("LD_LIBRARY_PATH",) if name in os.environ}
 
 
 def _accepted(graph: RewardGraph) -> _Judgement:
