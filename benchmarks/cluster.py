@@ -20,7 +20,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,11 @@ os.environ |= {
 from records import command_line, conditions, keep, results
 
 from openeureka.executors import ray_node, retry, scheduler
+from openeureka.executors.cluster import Resources
 from openeureka.executors.local import LocalExecutor
-from openeureka.executors.ray import ActorCall, RayExecutor
+from openeureka.executors.ray import ActorCall, Actors, RayExecutor
 from openeureka.executors.retry import Errand
-from openeureka.executors.transport import Seat, WorkerLost
+from openeureka.executors.transport import SILENCE, Seat, WorkerLost
 from openeureka.training.wire import pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
@@ -58,8 +60,8 @@ NODE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127
 SYSTEM = {"worker_niceness": 0}
 """Workers of a cluster get the same priority on this machine as local ones."""
 ENV = "ant"
-SLOTS, HOSTS, LANES, TOGETHER = 200, 20, 10_000, 5
-"""For `scale`: slots, the processes that they share, lanes, and lanes of a population."""
+SLOTS, HOSTS, DYING, LANES, TOGETHER = 200, 20, 2, 10_000, 5
+"""For `scale`: slots, the processes that they share, those of them that are killed, lanes, lanes of a population."""
 
 
 @contextmanager
@@ -278,39 +280,24 @@ class Hosted(ActorCall):
     def close(self) -> None: ...
 
 
-class Hosts:
-    """A `Transport` of many slots on few processes: 200 processes would fill this machine's memory."""
+class Hosts(Actors):
+    """Many slots on few processes: 200 processes would fill this machine's memory."""
 
     def __init__(self, ray: Any, seconds: float) -> None:
-        self.ray, self.seconds = ray, seconds
-        each = SLOTS // HOSTS
-        self.actors = [ray.remote(Sleeper).options(num_cpus=0, max_concurrency=2 * each).remote() for _ in range(HOSTS)]
-        self.calls: list[tuple[int, Hosted]] = []
-        self.dead: set[int] = set()
-        self.served = 0
+        super().__init__(ray, "", SILENCE, exact=True)
+        self.seconds = seconds
+        place = ray.remote(Sleeper).options(num_cpus=0, max_concurrency=2 * SLOTS // HOSTS)
+        self.alive = deque(place.remote() for _ in range(HOSTS))
 
     def call(self, request: Frame, seat: Seat) -> Hosted:
-        self.served += 1
-        host = (
-            next(index for index in range(self.served, self.served + HOSTS) if index % HOSTS not in self.dead) % HOSTS
-        )
-        data = framed(request.header, request.blobs)
-        stream = self.actors[host].serve.options(num_returns="streaming").remote(data, *seat, self.seconds)
-        return Hosted(self.ray, self.actors[host], stream, 600.0, guarded=False)
-
-    def wait(self, calls: Sequence[Hosted], timeout: float | None = None) -> Sequence[Hosted]:
-        from openeureka.executors.ray import Actors
-
-        return Actors.wait(self, calls, timeout)  # pyright: ignore[reportArgumentType]
-
-    @property
-    def _ray(self) -> Any:
-        return self.ray
+        self.alive.rotate(-1)
+        host, data = self.alive[0], framed(request.header, request.blobs)
+        stream = host.serve.options(num_returns="streaming").remote(data, *seat, self.seconds)
+        return Hosted(self, self._ray, host, stream, Resources(1), SILENCE, env=request.header["env"])
 
     def kill(self, count: int) -> None:
-        for host in range(count):
-            self.dead.add(host)
-            self.ray.kill(self.actors[host])
+        for _ in range(count):
+            self._ray.kill(self.alive.pop())
 
 
 def scale(tiny: bool) -> dict[str, object]:
@@ -329,14 +316,14 @@ def scale(tiny: bool) -> dict[str, object]:
             messages += 1
             if isinstance(message, TrainingResult) and message.state is TrainingState.FINISHED:
                 results.append(message.lane)
-            if not hosts.dead and len(results) > count // 4:
-                hosts.kill(HOSTS // 10)
+            if len(hosts.alive) == HOSTS and len(results) > count // 4:
+                hosts.kill(DYING)
         seconds, spent = time.monotonic() - begun, time.process_time() - cpu
     assert sorted(results) == sorted(spec.id for spec in specs), "a lane has no result, or two"
     return {
         "lanes": count,
         "slots": SLOTS,
-        "slots_that_died": SLOTS // 10,
+        "slots_that_died": DYING * SLOTS // HOSTS,
         "results": len(results),
         "messages": messages,
         "seconds": round(seconds, 1),
