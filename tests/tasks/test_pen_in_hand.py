@@ -8,9 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from openeureka.suite.dexterity.pen_in_hand import PenInHand
-from openeureka.suite.dexterity.spin import ShadowHandSpin
-from openeureka.suite.dexterity.upside_down import ShadowHandUpsideDown
+from openeureka.suite.dexterity.pen_in_hand import PenInHand, ShadowHandSpin, ShadowHandUpsideDown
 from openeureka.tasks import human, registry
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import get

@@ -1,9 +1,9 @@
-"""A pen turned in one Shadow Hand: what ShadowHandSpin and ShadowHandUpsideDown share."""
+"""A pen turned in one Shadow Hand: two tasks."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import mujoco
@@ -12,9 +12,11 @@ from torch import Tensor
 
 from ...tasks.rotations import multiply, turn_about
 from ...tasks.sensors import add_wrench_sensors
+from ...tasks.task import Stage
+from ...types import StateSpec
 from ..assets import REWARDS
 from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker
-from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand
+from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand, shadow_hand_variables
 from ..shadow import add_shadow_hand
 
 RADIUS, HALF_LENGTH = 0.008, 0.1  # [m] of the pen: a capsule along its z axis, 0.216 m long
@@ -96,3 +98,39 @@ def add_pen(body: mujoco.MjsBody, name: str, **common: float) -> None:
         contype=0,
         conaffinity=0,
     )
+
+
+class ShadowHandSpin(PenInHand):
+    """A pen spun in the palm, from waypoint to waypoint; Eureka's demonstration."""
+
+    env = "shadow_hand_spin"
+    description = "to make the shadow hand spin the object to a target orientation"
+    random_goals = False
+    distance_weight = 0.1  # its sign is the published one
+    object_start = (0.0, -0.39, 0.59)  # the original starts 7 cm lower, with the pen up to 2 cm inside palm and fingers
+    goal_position = (0.0, -0.39, 0.48)
+    spec = StateSpec(shadow_hand_variables("pen", "2 cm below the surface of the palm, which faces up"))
+    curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {
+        "pen_spinning": (Stage(set={"random_goals": True}), Stage())
+    }
+
+    @staticmethod
+    def model() -> mujoco.MjSpec:
+        return pen_scene([1, 0, 0, 0], ShadowHandSpin.object_start, ShadowHandSpin.goal_position)
+
+
+class ShadowHandUpsideDown(PenInHand):
+    """A pen turned to random orientations below a hand whose palm faces down."""
+
+    env = "shadow_hand_upside_down"
+    description = "to make the shadow hand spin the object to a target orientation"
+    random_goals = True
+    distance_weight = -10.0
+    object_start = (0.0, -0.39, 0.41)  # the original starts 7 cm higher, with the pen up to 2 cm inside the fingers
+    goal_position = (0.0, -0.39, 0.44)
+    spec = StateSpec(shadow_hand_variables("pen", "6 cm below the palm, which faces down"))
+
+    @staticmethod
+    def model() -> mujoco.MjSpec:
+        half_a_turn_about_y = [0, 0, 1, 0]
+        return pen_scene(half_a_turn_about_y, ShadowHandUpsideDown.object_start, ShadowHandUpsideDown.goal_position)
