@@ -20,7 +20,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ledger import differing, learn, whole
-from records import OUTPUTS, PEAKS, ROOT, Record, command_line, machine, read, record, results, write
+from records import (
+    OUTPUTS,
+    PEAKS,
+    ROOT,
+    Record,
+    by_reward,
+    command_line,
+    machine,
+    read,
+    record,
+    results,
+    reward_and_seed,
+    write,
+)
 
 from openeureka.config import TrainConfig
 from openeureka.method.seeds import Wanted, deal
@@ -79,7 +92,7 @@ def _summarised(entry: Record) -> Record:
     trainings = [lane["training"] for lane in lanes.values()]
 
     def scored(reward: str) -> Record:
-        seeds = [lanes[name] for name in sorted(lanes, key=_place) if name.startswith(f"{reward}-")]
+        seeds = [lane for _, lane in sorted(by_reward(lanes).get(reward, {}).items())]
         return {
             "training": [lane["fitness_max_over_epochs"] for lane in seeds],
             "held_out": {peak: [lane[f"held_out_at_peak_of_{peak}"]["fitness"] for lane in seeds] for peak in PEAKS},
@@ -92,12 +105,6 @@ def _summarised(entry: Record) -> Record:
         "device": ", ".join(sorted({training["device"] for training in trainings})),
         "date": max(training["date"] for training in trainings),
     }
-
-
-def _place(name: str) -> tuple[str, int]:
-    """Reward, then seed as a number."""
-    reward, _, seed = name.rpartition("-s")
-    return reward, int(seed)
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -133,7 +140,7 @@ def main(words: Sequence[str] | None = None) -> None:
         learned = measure(env, entry, lanes, options)
         # A lane that diverged is a result. One that died with its worker is not.
         done = entry["lanes"] | {name: lane for name, lane in learned.items() if lane["state"] != "failed"}
-        entry["lanes"] = {name: done[name] for name in sorted(done, key=_place)}
+        entry["lanes"] = {name: done[name] for name in sorted(done, key=reward_and_seed)}
         found = dict(sorted({**read(options.out), env: entry}.items()))  # others may have written
         write(options.out, found)
         write(options.shipped, summary(found))

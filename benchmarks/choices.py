@@ -18,7 +18,7 @@ from statistics import stdev
 import choosing
 import predictors
 import rungs
-from records import Record, interval, read, show
+from records import Record, read, show, told
 
 from openeureka.method.schedule import RUNGS, Rung
 from openeureka.numbers import number
@@ -127,9 +127,7 @@ def compared(study: Sequence[Search], schedule: Sequence[Rung]) -> tuple[str, st
     searches."""
     chosen = [search.choose(schedule)[0] for search in study]
     less = estimate([own - search.choose(())[0] for own, search in zip(chosen, study, strict=True)])
-    if not schedule or less is None or less.low is None or less.high is None:
-        return _spread(chosen), "-"
-    return _spread(chosen), interval(less.value, less.low, less.high, digits=2)
+    return _spread(chosen), told(less, 2) if schedule else "-"
 
 
 def _spread(found: Sequence[float]) -> str:

@@ -12,7 +12,6 @@ store of a run under `outputs/choosing/` and in `benchmarks/results/choosing.jso
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -20,7 +19,7 @@ from math import comb
 from typing import get_args
 
 from ledger import Script, refuse_other_recipe, whole
-from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results, write
+from records import FOLDER, OUTPUTS, Record, by_reward, command_line, correlation, machine, read, results, write
 
 from openeureka.config import RunConfig
 from openeureka.method.race import CONTENDERS
@@ -88,7 +87,7 @@ STANDING = """Which policy should stand for a lane? Held-out F, the mean over al
 
 def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     """The accepted rewards of the task's replies, and the human one."""
-    replies = json.loads((REPLIES / f"{env}.json").read_text())
+    replies = read(REPLIES / f"{env}.json")
     texts = {Candidate.of(extract.program(text) or ""): text for text in replies["replies"]}
     new = [candidate for candidate in texts if store.rewards.verdict(candidate.id) is None]
     for candidate, verdict in zip(new, judge(env, new, unsafe=False), strict=True):
@@ -191,7 +190,7 @@ def _searched(lanes: Mapping[str, Record]) -> dict[str, Record]:
 
 def generated(lanes: Mapping[str, Record]) -> list[str]:
     """All rewards except the human one."""
-    return sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
+    return sorted(by_reward(lanes).keys() - {"human"})
 
 
 def standing(record: Record) -> Peak:

@@ -23,7 +23,7 @@ import fresh
 import longer
 import rungs
 import table
-from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
+from records import FOLDER, OUTPUTS, Record, command_line, defined, interval, keep, machine, read, results, show
 
 import openeureka
 from openeureka.benchmark.plan import load
@@ -91,17 +91,12 @@ def measure(env: str, group: str) -> Record:
     return {**own, **({"human": scores[-1]} if others else {}), "steps": STEPS[env], "seed": SEED, **machine("cpu")}
 
 
-def scored(row: Record) -> list[float]:
-    """The scores of a group, without rewards whose training gave none."""
-    return [score for score in row["scores"] if score is not None]
-
-
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """One row per task and group."""
     return [
         (
-            *(env, title, f"{len(row['scores'])} of {row['replies']}", spread(scored(row))),
-            *(number(max(scored(row), default=None)), number(row.get("human"))),
+            *(env, title, f"{len(row['scores'])} of {row['replies']}", spread(defined(row["scores"]))),
+            *(number(max(defined(row["scores"]), default=None)), number(row.get("human"))),
         )
         for env, groups in measured.items()
         for group, title in GROUPS.items()
@@ -111,8 +106,11 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 def compared(measured: Mapping[str, Record], better: str, worse: str) -> dict[str, tuple[list[float], list[float]]]:
     """Scores of two groups by task, where both have several and some differ: else nothing says how far chance goes."""
-    rows = {env: (own[better], own[worse]) for env, own in measured.items() if better in own and worse in own}
-    found = {env: (scored(own), scored(other)) for env, (own, other) in rows.items()}
+    found = {
+        env: (defined(own[better]["scores"]), defined(own[worse]["scores"]))
+        for env, own in measured.items()
+        if better in own and worse in own
+    }
     return {env: both for env, both in found.items() if min(map(len, both)) > 1 and any(map(variance, both))}
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from records import ends
+
 import openeureka
 from openeureka.config import RunConfig
 from openeureka.method.given import seeds
@@ -95,6 +97,6 @@ def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1)
     Args:
         claims: how many such intervals are to hold together (Bonferroni).
     """
-    found = difference(second, first, claims=claims)
+    found = ends(difference(second, first, claims=claims))
     assert found is not None
-    return [found.value, found.low, found.high]
+    return found

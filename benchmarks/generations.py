@@ -20,7 +20,7 @@ import re
 from pathlib import Path
 
 from fresh import several, trained
-from records import FOLDER, Record, command_line, interval, machine, read, results, today, write
+from records import FOLDER, Record, command_line, machine, read, results, today, told, write
 
 import openeureka
 from openeureka.benchmark import figures
@@ -130,9 +130,8 @@ def _gym_row(one: Record) -> tuple[str, ...]:
 def _further(found: Record | None) -> tuple[str, str, str]:
     if found is None:
         return "-", "-", "-"
-    apart = difference(found["generated"], found["human"])
-    assert apart is not None
-    return spread(found["generated"]), spread(found["human"]), interval(apart.value, apart.low, apart.high)
+    generated, human = found["generated"], found["human"]
+    return spread(generated), spread(human), told(difference(generated, human))
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:

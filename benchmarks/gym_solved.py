@@ -11,10 +11,11 @@ Writes benchmarks/results/gym_solved.json.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import gymnasium
 from ledger import learn
-from records import OUTPUTS, Record, command_line, keep, machine, read, record, results, show
+from records import OUTPUTS, Record, command_line, machine, once, record, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.numbers import number, spread
@@ -78,12 +79,10 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     options = parser.parse_args()
     for env in options.env or STEPS:
-        known = read(RESULTS).get(env)
-        if known is None:
-            keep(RESULTS, env, measure(env, options.seeds))
-        elif len(known["lanes"]) != options.seeds:
-            print(f"{env} is known with {len(known['lanes'])} seeds, and not trained again.")
-        show(*rows({env: read(RESULTS)[env]}))
+        found = once(RESULTS, env, partial(measure, env, options.seeds))
+        if len(found["lanes"]) != options.seeds:
+            print(f"{env} is known with {len(found['lanes'])} seeds, and not trained again.")
+        show(*rows({env: found}))
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from tempfile import TemporaryDirectory
 import fresh
 import table
 from ledger import Script
-from records import OUTPUTS, ROOT, Record, command_line, interval, keep, machine, read, results
+from records import OUTPUTS, ROOT, Record, command_line, ends, interval, keep, machine, read, results
 
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
@@ -147,12 +147,11 @@ def archive(env: str, archive: Path = table.ARCHIVE) -> RunView:
         return RunView.read(Path(folder))
 
 
-def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
+def outcome(directory: Path, cell: Cell, whole: bench.Bench) -> Record:
     """What came of a finished search."""
-    run, (result,) = RunView.read(directory), found.results
-    ends = run.outcome
-    assert ends is not None and run.best is not None
-    apart = ends.difference
+    run, (result,) = RunView.read(directory), whole.results
+    found = run.outcome
+    assert found is not None and run.best is not None
     return {
         "model": archived(Path(run.config.model.removeprefix("replay:")))[0].model,
         "steps": run.config.steps,
@@ -161,13 +160,13 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
         **machine(run.config.device),
         "seed": cell.seed,
         "crowned": str(run.best.place),
-        "generated": list(ends.method.held_out),
-        "runners_up": {str(place): list(own.held_out) for place, own in ends.rivals.items()},
-        "human": list(ends.human.held_out),
-        "sparse": list(ends.sparse.held_out),
-        "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
-        "score": ends.normalised,
-        "correlation_with_human": ends.correlation,
+        "generated": list(found.method.held_out),
+        "runners_up": {str(place): list(own.held_out) for place, own in found.rivals.items()},
+        "human": list(found.human.held_out),
+        "sparse": list(found.sparse.held_out),
+        "difference": ends(found.difference),
+        "score": found.normalised,
+        "correlation_with_human": found.correlation,
     }
 
 

@@ -13,12 +13,13 @@ nine seeds that chose neither. Runs are under `outputs/longer/`; the store of ea
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import fresh
 import headline
 import table
-from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, read, results
+from records import FOLDER, OUTPUTS, Record, command_line, interval, once, read, results
 
 from openeureka.benchmark.plan import Plan, load
 from openeureka.config import short_name
@@ -81,9 +82,8 @@ def run(doc: str | None, plan: Path, archive: Path, found: Path) -> None:
     parser = command_line(doc)
     parser.add_argument("--env", nargs="+", choices=load(plan).tasks)
     options = parser.parse_args()
-    for env in options.env or left(read(found), plan):
-        if env in left(read(found), plan):
-            keep(found, env, measure(load(plan), env, archive))
+    for env in options.env or load(plan).tasks:
+        once(found, env, partial(measure, load(plan), env, archive))
 
 
 if __name__ == "__main__":

@@ -12,10 +12,11 @@ same command goes on where it was.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
+from records import OUTPUTS, Record, command_line, machine, once, results, show, told
 
 import openeureka
 from openeureka.numbers import spread
@@ -48,9 +49,8 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 
 def _row(env: str, found: Record) -> list[str]:
     everything, sensed = (found["held_out"][sight] for sight in SIGHTS)
-    apart = difference(sensed, everything)
     before, after = mean(everything), mean(sensed)
-    between = interval(apart.value, apart.low, apart.high, digits=3) if apart else "-"
+    between = told(difference(sensed, everything), 3)
     share = f"{(after - before) / abs(before):+.0%}" if before and after is not None else "-"
     return [env, f"{found['steps']:,}", spread(everything), spread(sensed), between, share]
 
@@ -68,13 +68,11 @@ def main() -> None:
         show(_row(tiny, measure(tiny, 1, OUTPUTS / "measurable_bench" / "tiny", steps=2048, worlds=32)))
         return
     for env in options.env or ENVS:
-        known = read(RESULTS).get(env)
-        if known is None:
-            found = measure(env, SEEDS, OUTPUTS / "measurable_bench", steps=options.steps)
-            keep(RESULTS, env, found)
-        elif options.steps not in (0, known["steps"]):
-            print(f"{env} is known with {known['steps']:,} steps, and not trained again.")
-        show(_row(env, read(RESULTS)[env]))
+        train = partial(measure, env, SEEDS, OUTPUTS / "measurable_bench", steps=options.steps)
+        found = once(RESULTS, env, train)
+        if options.steps not in (0, found["steps"]):
+            print(f"{env} is known with {found['steps']:,} steps, and not trained again.")
+        show(_row(env, found))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import fresh
 from choosing import JUDGED
-from records import Record, command_line, correlation, joined, keep, read, results
+from records import Record, by_reward, command_line, correlation, defined, joined, keep, read, results
 
 import openeureka
 from openeureka.config import short_name
@@ -49,11 +49,8 @@ def measure(directory: Path) -> tuple[str, Record]:
 
 def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> float | None:
     """Standard deviation of F over the seeds of one reward, pooled over rewards with three or more."""
-    seeds: dict[str, list[float]] = {}
-    for lane, pair in played.items():
-        if (value := pair[side]) is not None:
-            seeds.setdefault(lane.rpartition("-s")[0], []).append(value)
-    several = [values for values in seeds.values() if len(values) >= 3]
+    scores = [defined(pair[side] for pair in seeds.values()) for seeds in by_reward(played).values()]
+    several = [values for values in scores if len(values) >= 3]
     return pooled(several)[0] if several else None
 
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ledger import learn
-from records import FOLDER, OUTPUTS, PEAKS, Record, command_line, keep, machine, read, record, results, show
+from records import FOLDER, OUTPUTS, PEAKS, Record, by_reward, command_line, keep, machine, read, record, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.numbers import number, spread
@@ -80,7 +80,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
         if lacks(entry):
             continue
         for path in rewards(env):
-            arms = [_lanes(entry["arms"][arm], path.stem) for arm in ARMS]
+            arms = [[*by_reward(entry["arms"][arm]["lanes"]).get(path.stem, {}).values()] for arm in ARMS]
             scores = [spread([played(lane) for lane in lanes]) for lanes in arms]
             found.append((env, f"{entry['steps']:,}", path.stem, *scores, *map(_reached, arms)))
     return found
@@ -94,10 +94,6 @@ def played(lane: Record) -> float | None:
 def lacks(entry: Record | None) -> bool:
     """Whether an arm of a task is missing: a task that was interrupted between them has only the first."""
     return entry is None or not set(ARMS) <= entry["arms"].keys()
-
-
-def _lanes(arm: Record, reward: str) -> list[Record]:
-    return [lane for name, lane in arm["lanes"].items() if name.rpartition("-s")[0] == reward]
 
 
 def _reached(lanes: Sequence[Record]) -> str:

@@ -11,13 +11,12 @@ docs/reference/measurements.md). What counts is F of the last policy when it pla
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from statistics import stdev
 
 import rungs
 from ledger import differing, whole
-from records import FOLDER, Record, command_line, machine, read, results, write
+from records import FOLDER, Record, by_reward, command_line, defined, machine, read, results, reward_and_seed, write
 from scipy.stats import ttest_ind
 
 from openeureka.numbers import number
@@ -43,7 +42,7 @@ TITLES = (
 
 def measure(env: str, seed: int) -> None:
     """Train what is missing of one task and seed, and write it down. Lanes of another recipe count as missing."""
-    replies = json.loads((REPLIES / f"{env}.json").read_text())["replies"]
+    replies = read(REPLIES / f"{env}.json")["replies"]
     rewards = {advice: rungs.accepted(env, texts) for advice, texts in replies.items()}
     graphs: dict[str, RewardProgram] = {"human": "human"}
     for own in rewards.values():
@@ -88,7 +87,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     found = []
     for env, own in study.items():
         lanes = _lanes(own)
-        older = [lane.rpartition("-s")[0] for lane in own["lanes"].keys() - current(env, own).keys()]
+        older = [reward_and_seed(lane)[0] for lane in own["lanes"].keys() - current(env, own).keys()]
         for advice, ids in own["rewards"].items():
             scores = _scores(lanes, ids)
             error = stdev(scores) / len(scores) ** 0.5
@@ -116,11 +115,9 @@ def summary(study: Mapping[str, Record]) -> str:
 
 def _lanes(own: Record) -> dict[str, list[float]]:
     """F of every seed by reward."""
-    found: dict[str, list[float]] = {}
-    for lane, one in own["lanes"].items():
-        if one["fitness"] is not None:
-            found.setdefault(lane.rpartition("-s")[0], []).append(one["fitness"])
-    return found
+    lanes = by_reward(own["lanes"])
+    found = {reward: defined(one["fitness"] for one in seeds.values()) for reward, seeds in lanes.items()}
+    return {reward: scores for reward, scores in found.items() if scores}
 
 
 def _scores(lanes: Mapping[str, list[float]], rewards: Iterable[str]) -> list[float]:

@@ -6,14 +6,14 @@ import argparse
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from openeureka.numbers import number
-from openeureka.stats import midranks, pearson
+from openeureka.stats import Difference, Estimate, midranks, pearson
 from openeureka.types import Evaluation, Peak, TrainingResult
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ PEAKS: tuple[Peak, ...] = ("fitness", "reward")
 POINTS = 40  # of each curve in a file
 
 Record = dict[str, Any]
+Lane = TypeVar("Lane")
 
 
 def command_line(doc: str | None) -> argparse.ArgumentParser:
@@ -114,6 +115,38 @@ def interval(value: float, low: float, high: float, digits: int = 4) -> str:
     return f"{number(value, digits)} ({number(low, digits)} to {number(high, digits)})"
 
 
+def told(found: Difference | Estimate | None, digits: int = 4) -> str:
+    """The same; a dash where there is no interval."""
+    if found is None or found.low is None or found.high is None:
+        return "-"
+    return interval(found.value, found.low, found.high, digits)
+
+
+def ends(found: Difference | None) -> list[float] | None:
+    """A difference and the ends of its interval, for a record."""
+    return None if found is None else [found.value, found.low, found.high]
+
+
+def defined(scores: Iterable[float | None]) -> list[float]:
+    """The scores that there are."""
+    return [score for score in scores if score is not None]
+
+
+def reward_and_seed(lane: str) -> tuple[str, int]:
+    """What a lane's id is made of, see `lane_id`."""
+    reward, _, seed = lane.rpartition("-s")
+    return reward, int(seed)
+
+
+def by_reward(lanes: Mapping[str, Lane]) -> dict[str, dict[int, Lane]]:
+    """What is known of lanes, by reward and seed."""
+    found: dict[str, dict[int, Lane]] = {}
+    for lane, known in lanes.items():
+        reward, seed = reward_and_seed(lane)
+        found.setdefault(reward, {})[seed] = known
+    return found
+
+
 def conditions(*packages: str) -> Record:
     """What `machine` says, and what else a speed depends on, with the load at this moment."""
     found = machine("cpu", *packages)
@@ -170,6 +203,13 @@ def write(path: Path, content: object) -> None:
 def keep(path: Path, name: str, row: object) -> None:
     """Add a row to the file as it is now: another script may have written since this one read it."""
     write(path, read(path) | {name: row})
+
+
+def once(path: Path, name: str, measure: Callable[[], Record]) -> Record:
+    """A row of the file, measured where it is missing."""
+    if name not in read(path):
+        keep(path, name, measure())
+    return read(path)[name]
 
 
 def show(*rows: Sequence[str]) -> None:

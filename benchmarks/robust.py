@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
+from records import OUTPUTS, Record, command_line, keep, machine, read, results, show, told
 
 import openeureka
 from openeureka.cli.train import robust
@@ -117,10 +117,8 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
 
 def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
     """Mean difference and its interval over seeds: both scores of a seed share its luck."""
-    found = estimate([one - two for one, two in zip(own, other, strict=True) if one is not None and two is not None])
-    if found is None or found.low is None or found.high is None:
-        return "-"
-    return interval(found.value, found.low, found.high, digits=2)
+    pairs = zip(own, other, strict=True)
+    return told(estimate([one - two for one, two in pairs if one is not None and two is not None]), 2)
 
 
 def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:

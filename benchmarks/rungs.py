@@ -13,7 +13,6 @@ is done.
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ import choosing
 import torch
 from ledger import DEFAULTS, in_sentences, refuse_other_recipe, whole
 from predictors import window
-from records import FOLDER, Record, command_line, correlation, machine, read, results, rounded, write
+from records import FOLDER, Record, by_reward, command_line, correlation, machine, read, results, rounded, write
 
 from openeureka.numbers import number
 from openeureka.reward import extract
@@ -94,8 +93,7 @@ def programs(env: str) -> dict[str, RewardProgram]:
     if not path.exists():
         print(f"{env} has no replies in {path.parent}: the human reward trains alone.", flush=True)
         return {"human": "human"}
-    own = accepted(env, json.loads(path.read_text())["replies"])
-    return {"human": "human", **own}
+    return {"human": "human", **accepted(env, read(path)["replies"])}
 
 
 def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, float]) -> Record:
@@ -236,11 +234,8 @@ def studied(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
     """Task, recipe and scores of those that trained more than the human reward."""
     for env, recipes in study.items():
         for name, found in recipes.items():
-            scores: Played = {}
-            for key, lane in found["lanes"].items():
-                reward, _, seed = key.rpartition("-s")
-                if reward != "human":
-                    scores.setdefault(reward, {})[int(seed)] = lane["played"]
+            scores: Played = by_reward({lane: one["played"] for lane, one in found["lanes"].items()})
+            scores.pop("human", None)
             if len(scores) > 1:
                 yield env, name, scores
 

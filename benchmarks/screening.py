@@ -15,15 +15,15 @@ rewards of this model for this task, not with other tasks.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from random import Random
 from typing import NamedTuple
 
 import choosing
 from ledger import Script, whole
-from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results
+from records import FOLDER, OUTPUTS, Record, command_line, interval, machine, once, read, results
 
 from openeureka.config import RunConfig
 from openeureka.method import screen
@@ -90,7 +90,7 @@ def texts(env: str) -> dict[Candidate, str]:
     found: dict[Candidate, str] = {}
     for folder in FOLDERS:
         path = FOLDER / folder / f"{env}.json"
-        for text in _strings(json.loads(path.read_text())["replies"]) if path.exists() else ():
+        for text in _strings(read(path).get("replies")):
             if "def compute_reward" in (program := extract.program(text) or ""):
                 found.setdefault(Candidate.of(program), text)
     return found
@@ -241,15 +241,9 @@ def summary(measured: Record) -> str:
     return f"{told}, worse on {worse}. On the others no difference is shown."
 
 
-def once(env: str) -> str:
-    """What a task says; one that is known is not measured again."""
-    if env not in read(RESULTS):
-        keep(RESULTS, env, measure(env))
-    return f"{env}: best {interval(*read(RESULTS)[env]['best'], digits=3)}"
-
-
 if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("--env", choices=ENVS, nargs="+", default=list(ENVS))
     for env in parser.parse_args().env:
-        print(once(env), flush=True)
+        found = once(RESULTS, env, partial(measure, env))
+        print(f"{env}: best {interval(*found['best'], digits=3)}", flush=True)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from records import FOLDER, ROOT, Record, interval, results
+from records import FOLDER, ROOT, Record, defined, interval, results
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
@@ -48,8 +48,7 @@ def decided(row: Record) -> Record:
 def ending(row: Record) -> str:
     """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
     row = decided(row)
-    values = [value for name in ("generated", "human") for value in row[name] if value is not None]
-    if not any(values):
+    if not any(defined([*row["generated"], *row["human"]])):
         return "both at zero"
     if row["difference"] is None:
         return "one seed"
@@ -59,9 +58,7 @@ def ending(row: Record) -> str:
 
 def decidable(row: Record) -> bool:
     """Whether so few seeds can decide. Where F has two values they may not: even all against none can be chance."""
-    own, human, *among = (
-        _defined(own) for own in (row["generated"], row["human"], *row.get("runners_up", {}).values())
-    )
+    own, human, *among = map(defined, (row["generated"], row["human"], *row.get("runners_up", {}).values()))
     if not two_valued([*own, *human]):
         return True
     low, high = min(*own, *human), max(*own, *human)
@@ -69,10 +66,6 @@ def decidable(row: Record) -> bool:
         low, high = 0.0, 1.0
     split = difference([high] * len(own), [low] * len(human), among, claims=1 + len(among))
     return split is not None and split.low > 0
-
-
-def _defined(scores: Sequence[float | None]) -> list[float]:
-    return [score for score in scores if score is not None]
 
 
 def ordered(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:

@@ -130,18 +130,15 @@ def arms(tiny: bool) -> dict[str, Arm]:
         ),
     }
     for env in ("ant", "humanoid"):
-        if env in registry.names():
-            found |= {
-                f"{env}/raw": lambda env=env: raw(env, 512, 400 // scale),
-                f"{env}/1 lane": lambda env=env: lanes(env, 1, 512, max(1, 10 // scale)),
-                f"{env}/8 lanes": lambda env=env: lanes(env, LANES, 64, max(1, 10 // scale)),
-            }
-    if "ant" in registry.names():
         found |= {
-            f"ant/8 lanes, {name}": lambda processes=processes: waited("ant", processes, 128, max(1, 40 // scale))
-            for name, processes in PROCESSES.items()
+            f"{env}/raw": lambda env=env: raw(env, 512, 400 // scale),
+            f"{env}/1 lane": lambda env=env: lanes(env, 1, 512, max(1, 10 // scale)),
+            f"{env}/8 lanes": lambda env=env: lanes(env, LANES, 64, max(1, 10 // scale)),
         }
-    return found
+    return found | {
+        f"ant/8 lanes, {name}": lambda processes=processes: waited("ant", processes, 128, max(1, 40 // scale))
+        for name, processes in PROCESSES.items()
+    }
 
 
 RATIOS = {

@@ -16,12 +16,11 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
 import fresh
-from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results
+from records import OUTPUTS, Record, command_line, defined, ends, interval, keep, machine, once, read, results
 from table import PLAN
 from table import RESULTS as HEADLINE
 
@@ -73,7 +72,6 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     )
     found = run.tuned
     assert found is not None
-    apart = found.difference
     return {
         "settings": settings,
         "held_out": {
@@ -82,7 +80,7 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
             if key in found.finals
         },
         "rivals": [list(own.held_out) for name, own in found.finals.items() if name not in (ORIGINAL, found.after)],
-        "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
+        "difference": ends(found.difference),
         "numbers": [
             {
                 "name": effect.weight.name,
@@ -106,17 +104,12 @@ def between(own: Record) -> list[float] | None:
     The first tunings kept no scores of the rival, but the interval that pools its spread with those of the two. It is
     one of the two intervals of which `stats.difference` takes the wider.
     """
-    before, after = (_defined(own["held_out"].get(name, [])) for name in ("before", "after"))
+    before, after = (defined(own["held_out"].get(name, [])) for name in ("before", "after"))
     share = race.share(len(own["held_out"].get("after", [])), own["settings"]["seeds"])
-    found = difference(after, before, map(_defined, own["rivals"]), claims=(1 + len(own["rivals"])) / share)
+    found = ends(difference(after, before, map(defined, own["rivals"]), claims=(1 + len(own["rivals"])) / share))
     if found is None:
         return None
-    ends = [found.value, found.low, found.high]
-    return max(ends, own.get("pooled", ends), key=lambda ends: ends[2] - ends[1])
-
-
-def _defined(scores: Sequence[float | None]) -> list[float]:
-    return [score for score in scores if score is not None]
+    return max(found, own.get("pooled", found), key=lambda each: each[2] - each[1])
 
 
 def confirm(name: str, options: argparse.Namespace) -> Record:
@@ -137,12 +130,10 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
     }
 
 
-def once(name: str, options: argparse.Namespace) -> str:
+def tuned(name: str, options: argparse.Namespace) -> str:
     """What a tuning found. One that is in the results is not repeated."""
-    found = read(options.out).get(name)
-    if found is None:
-        found = measure(*name.split("/")[:2], options)
-        keep(options.out, name, found)
+    task, kind, _ = name.split("/")
+    found = once(options.out, name, lambda: measure(task, kind, options))
     told = interval(*found["difference"], digits=3) if found["difference"] else "no interval"
     return f"known with {found['settings']['trials']} trials, {told}"
 
@@ -217,7 +208,7 @@ def main() -> None:
     if options.confirm and (unknown := [name for name in names if name not in read(options.out)]):
         parser.error(f"{unknown[0]} is not measured yet: without --confirm it is.")
     for name in names:
-        print(f"{name}: {again(name, options) if options.confirm else once(name, options)}", flush=True)
+        print(f"{name}: {again(name, options) if options.confirm else tuned(name, options)}", flush=True)
 
 
 if __name__ == "__main__":

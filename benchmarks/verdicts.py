@@ -18,7 +18,7 @@ from random import Random
 from statistics import stdev, variance
 
 import table
-from records import Record, command_line, read, results, today, write
+from records import Record, command_line, defined, read, results, today, write
 
 from openeureka import stats
 from openeureka.method import race
@@ -54,10 +54,9 @@ def spreads(measured: Mapping[str, Record]) -> dict[str, Spreads]:
     """Spreads by task, where F has more than two values: else no spread decides."""
     found: dict[str, Spreads] = {}
     for env, row in measured.items():
-        scores = [[score for score in row[name] if score is not None] for name in ("generated", "human")]
-        raced = [scores[0], *([score for score in own if score is not None] for own in row["runners_up"].values())]
-        if not stats.two_valued([*scores[0], *scores[1]]):
-            found[env] = [stdev(own) for own in raced if len(own) > 1], stdev(scores[1])
+        generated, human, *others = map(defined, (row["generated"], row["human"], *row["runners_up"].values()))
+        if not stats.two_valued([*generated, *human]):
+            found[env] = [stdev(own) for own in (generated, *others) if len(own) > 1], stdev(human)
     return found
 
 
