@@ -7,9 +7,9 @@
 
 The rewards and seeds of a task are lanes of a run such as `eureka train` makes, under `outputs/baselines/`: the same
 command goes on where it was interrupted, and `eureka ui outputs/baselines` shows it.
-`benchmarks/results/baselines.json` is written after each task, and seeds that it holds are not trained again. The
-package ships its summary (`src/openeureka/suite/baselines.json`): `eureka envs` shows it, and scores read it where the
-run did not train the human and the sparse reward itself.
+`benchmarks/results/baselines.json` is written after each task, and seeds that it holds are not trained again. It is the
+table of docs/reference/baselines.md. The package ships its summary (`src/openeureka/suite/baselines.json`): `eureka
+envs` shows it, and scores read it where the run did not train the human and the sparse reward itself.
 """
 
 from __future__ import annotations
@@ -37,11 +37,16 @@ from records import (
 
 from openeureka.config import TrainConfig
 from openeureka.method.seeds import Wanted, deal
+from openeureka.numbers import sparkline, spread
 from openeureka.store import is_run
 from openeureka.tasks import registry
 from openeureka.types import OWN_REWARDS
 
 RESULTS = results("baselines")
+TITLES = (
+    *("task", "reward", "seeds", "steps of each", "first", "best", "held out"),
+    *("curve", "minutes, lanes", "date"),
+)
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
 
 
@@ -105,6 +110,31 @@ def _summarised(entry: Record) -> Record:
         "device": ", ".join(sorted({training["device"] for training in trainings})),
         "date": max(training["date"] for training in trainings),
     }
+
+
+def rows(measured: Record) -> list[list[str]]:
+    """One row per task and reward that trained."""
+    known = {env: by_reward(measured[env]["lanes"]) for env in registry.names() if env in measured}
+    return [
+        [env, reward, *_row(list(lanes[reward].values()))]
+        for env, lanes in known.items()
+        for reward in OWN_REWARDS
+        if reward in lanes
+    ]
+
+
+def _row(lanes: Sequence[Record]) -> list[str]:
+    first, curve = lanes[0], lanes[0]["curves"]["fitness"][::2]
+    return [
+        str(len(lanes)),
+        f"{first['env_steps']:,}",
+        spread([lane["fitness_at_first"] for lane in lanes]),
+        spread([lane["fitness_max_over_epochs"] for lane in lanes]),
+        spread([lane["held_out_at_peak_of_fitness"]["fitness"] for lane in lanes]),
+        sparkline(curve, len(curve)),
+        f"{first['training']['minutes']:.0f}, {first['training']['lanes']}",
+        first["training"]["date"],
+    ]
 
 
 def main(words: Sequence[str] | None = None) -> None:
