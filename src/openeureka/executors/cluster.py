@@ -140,27 +140,37 @@ def shares(offers: Sequence[Resources], lanes: int, worlds: int, device: str, th
     worlds than its place holds. On a GPU it takes one core.
     """
     if device == "cuda":
-        room, memory, threads = sum(min(offer.gpus, offer.cores) for offer in offers), math.inf, max(1, threads)
+        threads, places, memory = max(1, threads), sum(min(offer.gpus, offer.cores) for offer in offers), math.inf
     else:
-        most = max((offer.cores for offer in offers), default=0)
-
-        def memory_of(number: int) -> float:
-            parts = [offer.memory / (offer.cores // number) for offer in offers if offer.cores >= number]
-            return min(parts, default=0.0)
-
-        roomy = [number for number in range(most, 0, -1) if memory_of(number) >= WORKER + worlds * WORLD]
-        # Memory is an estimate: where no part seems large enough, the fewest populations side by side are tried.
-        options = [threads] if threads else roomy or [most][: bool(most)]
-        fitting = {number: sum(offer.cores // number for offer in offers) for number in options}
-        wanted = min(lanes, max(fitting.values(), default=0))
-        threads = next((number for number, room in fitting.items() if room >= wanted), 0)
-        room, memory = fitting.get(threads, 0), memory_of(threads) if threads else 0.0
-        if sum(offer.cores >= threads for offer in offers) > 1:
-            room *= ROUNDS if lanes >= room * FULL else 1
-    if not room:
+        threads = threads or _cores_of_each(offers, lanes, WORKER + worlds * WORLD)
+        used = [offer for offer in offers if offer.cores >= threads > 0]
+        places, memory = _places(used, threads), _memory(used, threads)
+        if len(used) > 1 and lanes >= places * FULL:
+            places *= ROUNDS
+    if not places:
         return 0, 0
     most_worlds = min(MAX_WORLDS[device], max(0.0, memory - WORKER) // WORLD)
-    return max(min(room, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
+    return max(min(places, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
+
+
+def _cores_of_each(offers: Sequence[Resources], lanes: int, memory: float) -> int:
+    """The cores of a population, see `shares`, where each needs so much memory [bytes]; 0 where no node has a core."""
+    numbers = range(max((offer.cores for offer in offers), default=0), 0, -1)
+    # Memory is an estimate: where no part seems large enough, the fewest populations side by side are tried.
+    roomy = [number for number in numbers if _memory(offers, number) >= memory] or numbers[:1]
+    places = {number: _places(offers, number) for number in roomy}
+    wanted = min(lanes, max(places.values(), default=0))
+    return next((number for number, count in places.items() if count >= wanted), 0)
+
+
+def _places(offers: Sequence[Resources], cores: int) -> int:
+    """How many populations of so many cores there is room for at once."""
+    return sum(offer.cores // cores for offer in offers)
+
+
+def _memory(offers: Sequence[Resources], cores: int) -> float:
+    """[bytes] The smallest part of a node's memory that a place of so many cores has; 0 where there is no place."""
+    return min((offer.memory / (offer.cores // cores) for offer in offers if offer.cores >= cores), default=0.0)
 
 
 class UnlikeNode(ConfigError):

@@ -94,20 +94,20 @@ class Snapshot:
     """
 
     def __init__(self, folder: Path | None, request: Mapping[str, Any], *, others: bool = False) -> None:
-        self._folder, self._about, self._trusted, self._others = folder, _About.of(request), False, others
-        self._begun = ""
+        self._folder, self._about, self._others = folder, _About.of(request), others
+        self._untried = ""
+        """Name of the state that a worker was given, until it has continued from it."""
         self._name = _digest((self._about.rest, self._about.lanes, self._about.digests))
 
     def read(self) -> bytes | None:
         """The state to begin with; None to begin anew."""
-        self._trusted, self._begun = False, ""
         serving = {name: len(about.lanes) for name, about in _left(self._folder).items() if about.serves(self._about)}
         if self._folder is None or not serving:
             return None
         nearest = min(serving, key=lambda name: serving[name])
         if not self._others:
             self._name = nearest
-        self._begun = nearest
+        self._untried = nearest
         return artifacts.read(self._folder.parent, _file(self._folder, nearest, ".pt"))
 
     def write(self, state: bytes) -> None:
@@ -119,17 +119,18 @@ class Snapshot:
 
     def trust(self) -> None:
         """Note that a worker has continued from the state: whatever ends it now, the state is readable."""
-        self._trusted = True
+        self._untried = ""
 
     @property
     def suspect(self) -> bool:
         """Whether a worker was given a state, and has not continued from it so far."""
-        return bool(self._begun) and not self._trusted
+        return bool(self._untried)
 
     def distrust(self) -> None:
-        """Remove the state that a worker was given."""
-        if self._folder is not None and self._begun:
-            _remove(self._folder, self._begun)
+        """Remove the state that is suspect."""
+        if self._folder is not None and self._untried:
+            _remove(self._folder, self._untried)
+            self.trust()
 
     def remove(self) -> None:
         """Remove the state of a finished training, and the folder with the last file."""

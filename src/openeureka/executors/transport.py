@@ -98,23 +98,19 @@ class Processes:
             raise
         return ProcessCall(worker, self._silence)
 
-    def wait(self, calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
-        return _ready(calls, timeout)
-
-
-def _ready(calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
-    """See `Transport.wait`."""
-    end = math.inf if timeout is None else time.monotonic() + timeout
-    while True:
-        found = [call for call in calls if call.ready]
-        began = time.monotonic()
-        left = min([end - began, *(call.patience for call in calls)])
-        if found or left <= 0:
-            return found
-        connection.wait([call.worker.fileno() for call in calls], min(left, LOOK))
-        if time.monotonic() - began > min(left, LOOK) + LOOK:
-            for call in calls:
-                call.forgive()
+    @staticmethod
+    def wait(calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        while True:
+            found = [call for call in calls if call.ready]
+            began = time.monotonic()
+            left = min([end - began, *(call.patience for call in calls)])
+            if found or left <= 0:
+                return found
+            connection.wait([call.worker.fileno() for call in calls], min(left, LOOK))
+            if time.monotonic() - began > min(left, LOOK) + LOOK:
+                for call in calls:
+                    call.forgive()
 
 
 class ProcessCall:
@@ -138,7 +134,7 @@ class ProcessCall:
         self._heard = time.monotonic()
 
     def receive(self) -> Frame:
-        _ready([self])
+        Processes.wait([self])
         try:
             # A frame that is there is read, even after this process was suspended.
             frame = self.worker.receive(self._silence if self.worker.ready(0.0) else 0.0)
