@@ -158,7 +158,7 @@ class Curves:
             }
             learnt: dict[str, float | None] = {f"ppo/{name}": None for name in STATISTICS}  # `learned` fills it in
             for name, number in (point | components[lane] | learnt).items():
-                finite = number is not None and abs(number) < float("inf")
+                finite = number is not None and math.isfinite(number)
                 self.curves[lane].setdefault(name, []).append(number if finite else None)
             fitness.append(point["fitness"])
             own_means.append(one.own / transitions)
@@ -175,7 +175,7 @@ class Curves:
         """Add the PPO statistics (L, 5) of the update after the closed epoch; those that are not finite stay None."""
         for curves, row in zip(self.curves, statistics.tolist(), strict=True):
             for name, number in zip(STATISTICS, row, strict=True):
-                if abs(number) < float("inf"):
+                if math.isfinite(number):
                     curves[f"ppo/{name}"][-1] = _short(number)
 
     def forget_parts(self) -> None:
@@ -190,7 +190,7 @@ class Curves:
             if own == lane and every:
                 parts = {"early": (early, first), "late": (total - early, every - first)}
                 for part, (value, count) in parts.items():
-                    finite = count > 0 and abs(value) < float("inf")
+                    finite = count > 0 and math.isfinite(value)
                     found[f"component_{part}/{name}"] = (value / count if finite else None,)
         return found
 

@@ -66,21 +66,18 @@ def evaluate(
     worlds, seed = episodes or EPISODES, seed + HELD_OUT_SEED
     changed = {lane: world for lane, world in (dynamics or {}).items() if world != NOMINAL}
     task = registry.get(env)
-    begun = {
-        lane: Policy.from_bytes(policies[lane]).untrained(own, task.recipe).to_bytes()
-        for lane, own in (untrained or {}).items()
-    }
-    policies = {**policies, **begun}
-    unplayed = changed.keys() if task.steps_itself else set[str]()
-    scores = [
-        Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
-    ]
-    left = [(lane, policy) for lane, policy in policies.items() if lane not in unplayed]
-    most = max(1, WORLDS // worlds)
-    for first in range(0, len(left), most):
-        together = dict(left[first : first + most])
+    left = {lane: Policy.from_bytes(data) for lane, data in policies.items()}
+    left |= {lane: left[lane].untrained(own, task.recipe) for lane, own in (untrained or {}).items()}
+    scores: list[Evaluation] = []
+    if task.steps_itself:
+        unplayed = [lane for lane in left if lane in changed]
+        scores += [Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in unplayed]
+        left = {lane: policy for lane, policy in left.items() if lane not in changed}
+    names, most = list(left), max(1, WORLDS // worlds)
+    for first in range(0, len(names), most):
+        together = {lane: left[lane] for lane in names[first : first + most]}
         own = [changed.get(lane, NOMINAL) for lane in together]
-        ranges = [Ranges(world, world) for world in own] if changed.keys() - unplayed else []
+        ranges = [Ranges(world, world) for world in own] if changed and not task.steps_itself else []
         alive()
         simulation = registry.make(
             env, worlds=worlds, lane_seeds=[seed] * len(own), device=device, threads=threads, ranges=ranges
@@ -92,7 +89,7 @@ def evaluate(
 
 def _side_by_side(
     simulation: BatchedEnv,
-    policies: Mapping[str, bytes],
+    policies: Mapping[str, Policy],
     seed: int,
     record: Collection[str],
     noise: bool | None,
@@ -107,8 +104,7 @@ def _side_by_side(
     observation = simulation.reset()
     alive()
     noisy = begin_alike(simulation, lanes) if noise is None else noise
-    opened = [Policy.from_bytes(data) for data in policies.values()]
-    play = Player(opened, simulation.sim.device, noise=seed if noisy else None)
+    play = Player(list(policies.values()), simulation.sim.device, noise=seed if noisy else None)
     total, contributions, broken = _play_once(simulation, observation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
     lost = broken.view(lanes, worlds).sum(1).tolist()

@@ -5,19 +5,33 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
 
+from ..codec import decode
 from ..errors import RewardFileError
 from ..tasks.task import Recipe
+from ..types.bounds import Count, Positive
 from .heads import head
 from .network import CRITIC, StackedActorCritic, normalize, shapes
 from .ppo import PPO
 
 FORMAT = "openeureka-policy-1"
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """What a file says of its tensors, see `Policy`."""
+
+    format: Literal["openeureka-policy-1"]
+    env: str
+    choices: tuple[Positive, ...] = ()
+    unseen: tuple[Count, ...] = ()
+    interface: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,21 +102,8 @@ class Policy:
         """Raises RewardFileError for anything but a policy file of this format."""
         try:
             size = int.from_bytes(data[:8], "little")
-            header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
-            if header["format"] != FORMAT:
-                raise ValueError(header["format"])
-            if not isinstance(header["env"], str):
-                raise TypeError("env is not a name")
-            choices = header.get("choices", [])
-            if not (isinstance(choices, list) and all(type(options) is int and options > 0 for options in choices)):
-                raise TypeError("choices are not numbers")
-            unseen = header.get("unseen", [])
-            if not (isinstance(unseen, list) and all(type(column) is int and column >= 0 for column in unseen)):
-                raise TypeError("unseen are not columns")
-            interface = header.get("interface", {})
-            if not (isinstance(interface, dict) and all(isinstance(value, str) for value in interface.values())):
-                raise TypeError("interface is not text by name")
-            return Policy(header["env"], load(data), tuple(choices), tuple(unseen), interface)
+            header = decode(_Header, json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
+            return Policy(header.env, load(data), header.choices, header.unseen, header.interface)
         except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); name one with policy=FILE."

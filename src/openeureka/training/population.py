@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -329,11 +330,13 @@ def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | N
     return {name: curve[-1] for name, curve in followed.items() if curve}
 
 
+@dataclass(frozen=True, slots=True)
 class Kept:
     """The best epoch so far, with its policy still as tensors."""
 
-    def __init__(self, epoch: int, value: float, policy: Policy) -> None:
-        self.epoch, self.value, self.policy = epoch, value, policy
+    epoch: int
+    value: float
+    policy: Policy
 
     def state_dict(self) -> dict[str, Any]:
         return {"epoch": self.epoch, "value": self.value, "policy": dict(self.policy.tensors)}

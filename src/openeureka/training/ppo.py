@@ -101,9 +101,8 @@ class PPO:
         self.recipe, self.device, self.choices = recipe, device, tuple(choices)
         self.head = head(choices)
         lanes = len(seeds)
-        start = {"noise": recipe.noise, "head": recipe.head}
         self.network = StackedActorCritic(
-            seeds, observations, actions, recipe.hidden, device, choices, **start, unseen=unseen
+            seeds, observations, actions, recipe.hidden, device, choices, recipe.noise, recipe.head, unseen
         )
         self.observations = RunningNorm(lanes, observations, device)
         self.values = RunningNorm(lanes, 1, device)
