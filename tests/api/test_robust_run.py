@@ -13,9 +13,9 @@ import openeureka
 from openeureka.cli.show import show
 from openeureka.cli.train import robust
 from openeureka.config import RobustConfig, RunConfig
-from openeureka.display import tensorboard
 from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError, StoreError
 from openeureka.parsing import parse
+from openeureka.report import tensorboard
 from openeureka.runs import compose
 from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply

@@ -16,10 +16,11 @@ from tensorboard.backend.event_processing.event_file_loader import EventFileLoad
 from tensorboard.compat.tensorflow_stub.errors import DataLossError
 
 from openeureka.config import RunConfig
-from openeureka.display import tensorboard, trackers
+from openeureka.display import trackers
 from openeureka.errors import ConfigError
 from openeureka.events import Began, everyone
 from openeureka.film.mp4 import encode
+from openeureka.report import tensorboard
 from openeureka.report.view import VIDEO
 from openeureka.testing.scripted import reply
 

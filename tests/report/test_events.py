@@ -2,7 +2,7 @@ from dataclasses import replace
 
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
-from openeureka.report import export
+from openeureka.report import tensorboard
 from openeureka.types import TrainingResult, TrainingState
 
 CURVES = {"fitness": (None, 2.0, 3.5), "component/upright": (0.5,)}
@@ -12,8 +12,8 @@ UNCOUNTED = TrainingResult(
 
 
 def test_tensorboard_reads_back_every_defined_value(tmp_path):
-    path = tmp_path / export.EVENTS
-    path.write_bytes(export.events_of(UNCOUNTED))
+    path = tmp_path / tensorboard.EVENTS
+    path.write_bytes(tensorboard.events_of(UNCOUNTED))
     read = [
         (value.tag, event.step, value.tensor.float_val[0])
         for event in EventFileLoader(str(path)).Load()
@@ -23,13 +23,13 @@ def test_tensorboard_reads_back_every_defined_value(tmp_path):
 
 
 def test_equal_trainings_give_equal_files():
-    assert export.events_of(UNCOUNTED) == export.events_of(replace(UNCOUNTED))
+    assert tensorboard.events_of(UNCOUNTED) == tensorboard.events_of(replace(UNCOUNTED))
 
 
 def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     result = replace(UNCOUNTED, env_steps=3000)
-    path = tmp_path / export.EVENTS
-    path.write_bytes(export.events_of(result))
+    path = tmp_path / tensorboard.EVENTS
+    path.write_bytes(tensorboard.events_of(result))
     found = [(e.step, e.wall_time) for e in EventFileLoader(str(path)).Load() if e.summary.value]
     # three epochs of 1000 steps and 20 s each; F is not defined in the first, the component only there
     assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]
@@ -40,8 +40,8 @@ def test_the_curves_of_a_curriculum_begin_where_its_earlier_stages_end(tmp_path)
         lane="a", state=TrainingState.FINISHED, fitness=2.0, curves={"fitness": (1.0, 2.0)}, env_steps=50,
         steps_before=30, seconds=10.0,
     )  # fmt: skip
-    path = tmp_path / export.EVENTS
-    path.write_bytes(export.events_of(result))
+    path = tmp_path / tensorboard.EVENTS
+    path.write_bytes(tensorboard.events_of(result))
     assert [event.step for event in EventFileLoader(str(path)).Load() if event.summary.value] == [40, 50]
 
 
@@ -50,8 +50,8 @@ def test_a_number_of_the_whole_training_is_no_curve(tmp_path):
     result = TrainingResult(
         lane="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0
     )
-    path = tmp_path / export.EVENTS
-    path.write_bytes(export.events_of(result))
+    path = tmp_path / tensorboard.EVENTS
+    path.write_bytes(tensorboard.events_of(result))
     assert [v.tag for e in EventFileLoader(str(path)).Load() for v in e.summary.value] == ["fitness", "fitness"]
 
 
@@ -60,7 +60,7 @@ def test_an_epoch_has_the_time_at_which_it_was_done_and_ppo_a_place_of_its_own(t
     result = TrainingResult(
         lane="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0, clock=(8.0, 9.5)
     )
-    path = tmp_path / export.EVENTS
-    path.write_bytes(export.events_of(result))
+    path = tmp_path / tensorboard.EVENTS
+    path.write_bytes(tensorboard.events_of(result))
     found = [(v.tag, e.wall_time) for e in EventFileLoader(str(path)).Load() for v in e.summary.value]
     assert found == [("fitness", 9.5), ("ppo/kl", 8.0), ("ppo/kl", 9.5)]

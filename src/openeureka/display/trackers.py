@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError
 from ..events import Began, Event
+from ..report.tensorboard import TensorBoard
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import artifacts
@@ -97,19 +98,11 @@ class Mlflow:
         self._mlflow.end_run()
 
 
-def _tensorboard(directory: Path, config: RunConfig) -> Tracker:
-    from .tensorboard import TensorBoard  # takes a fifth of a second to load, which no other run needs
-
-    return TensorBoard(directory, config)
-
-
 TRACKERS: Mapping[str, Callable[[Path, RunConfig], Tracker]] = {
     "wandb": Wandb,
     "mlflow": Mlflow,
-    "tensorboard": _tensorboard,
+    "tensorboard": TensorBoard,
 }
-
-
 _ADVICE = {"mlflow": "; MLFLOW_TRACKING_URI must name a server, because MLflow's small package has no store"}
 
 

@@ -11,7 +11,7 @@ from ..store import artifacts
 from ..tasks import registry
 from ..tasks.task import Task
 from ..training.policy import Policy
-from . import export, filming, html
+from . import export, filming, html, tensorboard
 from .view import VIDEO, RunView
 
 
@@ -38,7 +38,7 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     ]
     run = RunView.read(directory)  # now with videos
     for lane, result in run.results.items():
-        artifacts.write(directory, f"lanes/{lane}/{export.EVENTS}", export.events_of(result))
+        artifacts.write(directory, f"lanes/{lane}/{tensorboard.EVENTS}", tensorboard.events_of(result))
     artifacts.write(directory, "report.html", html.report(run, directory))
     return list(dict.fromkeys(problem for problem in problems if problem))
 

@@ -1,11 +1,10 @@
-"""A policy as ONNX, its files for a robot, and learning curves for TensorBoard."""
+"""A policy as ONNX, and its files for a robot."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from importlib.resources import files
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,18 +15,12 @@ import torch
 import yaml
 from onnx import TensorProto, helper, numpy_helper
 
-# The classes of these two modules are made at import time, where no type checker sees them.
-from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.summary.writer.record_writer import RecordWriter
-
 from ..errors import TaskError
 from ..tasks.deployment import as_text, changed, described
 from ..tasks.env import BatchedEnv
 from ..tasks.task import Task
 from ..training.network import EPSILON, LIMIT
 from ..training.policy import Policy
-from ..types import TrainingResult
 from .sim2sim import Robot, Senses
 
 OPSET = 17
@@ -35,8 +28,6 @@ OPSET = 17
 PROGRAMS = ("policy.onnx", "deploy.yaml", "scene.xml", "sim2sim.py")
 """Files that `deployed` may make, besides those in `ASSETS`."""
 ASSETS = "assets"
-EVENTS = "events.out.tfevents.0"
-"""TensorBoard recognises event files by `tfevents` in their name."""
 
 
 class NotRenewed(TaskError):
@@ -75,12 +66,11 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
         "head_w": tensors["head_w"][:, :count],  # without the column of the value
         "head_b": tensors["head_b"][:, :count],
     }
-    observed = "observation"
+    nodes, observed = list[onnx.NodeProto](), "observation"
     if math.isfinite(clip):
         constants |= {"least": np.array(-clip), "most": np.array(clip)}
-        observed = "clipped"
-    nodes = [
-        *([helper.make_node("Clip", ["observation", "least", "most"], [observed])] if math.isfinite(clip) else []),
+        nodes, observed = [helper.make_node("Clip", ["observation", "least", "most"], ["clipped"])], "clipped"
+    nodes += [
         helper.make_node("Sub", [observed, "mean"], ["centred"]),
         helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
         helper.make_node("Clip", ["scaled", "low", "high"], ["x0"]),
@@ -92,10 +82,9 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
             helper.make_node("Elu", [f"h{layer}"], [f"x{layer + 1}"]),
         ]
     nodes += [helper.make_node("Gemm", [f"x{len(policy.hidden)}", "head_w", "head_b"], ["head"])]
-    exact: list[onnx.TensorProto] = []
     if policy.choices:
         parts, picked = ([f"{name}{choice}" for choice in range(len(policy.choices))] for name in ("part", "picked"))
-        exact = [numpy_helper.from_array(np.array(policy.choices, np.int64), "choices")]
+        constants["choices"] = np.array(policy.choices, np.int64)
         nodes += [
             helper.make_node("Split", ["head", "choices"], parts, axis=1),
             *(
@@ -114,7 +103,10 @@ def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
         "policy",
         [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", len(seen)])],
         [action],
-        [*(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()), *exact],
+        [
+            numpy_helper.from_array(value.astype(np.float32) if value.dtype == np.float64 else value, name)
+            for name, value in constants.items()
+        ],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="openeureka")
     model.ir_version = 8  # the one that came with this opset
@@ -235,24 +227,3 @@ _HEAD = """# How to run policy.onnx on a robot. Lists are in the order of action
 # armature to its inertia. The observation's terms, in order, times observation_scales, are clipped; normalisation is
 # inside policy.onnx. sim2sim.py does all of it.
 """
-
-
-def events_of(result: TrainingResult) -> bytes:
-    """The event file of a training: one scalar per curve and epoch, over environment steps, or over epochs where no
-    steps were counted. Times begin at 0 and no host name goes in, so equal trainings give equal bytes.
-
-    Epochs without a stored time are taken to last equally long.
-    """
-    curves, first, clock = result.over_epochs, result.steps_before, result.clock
-    epochs = max(map(len, curves.values()), default=0)
-    buffer = BytesIO()
-    writer = RecordWriter(buffer)
-    writer.write(Event(file_version="brain.Event:2").SerializeToString())
-    for tag, values in curves.items():
-        for epoch, value in enumerate(values):
-            if value is not None:
-                summary = Summary(value=[Summary.Value(tag=tag, simple_value=value)])
-                step = first + (epoch + 1) * (result.env_steps - first) // epochs if result.env_steps else epoch
-                time = clock[epoch] if epoch < len(clock) else (epoch + 1) * result.seconds / epochs
-                writer.write(Event(step=step, wall_time=time, summary=summary).SerializeToString())
-    return buffer.getvalue()
