@@ -54,7 +54,7 @@ def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None
     assert [row[2] for row in found.rows] == ["70", "80 BROKEN", "100 BROKEN", "50"]
     page = html.report(run, tmp_path / "run")
     assert "What each policy costs" in page and "80 BROKEN" in page and "What its policy costs" in page
-    assert costs.facts(run.best.played) == [("torque [N m]", "70"), ("falls [share]", "0.25")]
+    assert costs.facts(run.best.played).rows == [("torque [N m]", "70"), ("falls [share]", "0.25")]
     assert tables.generations(run).rows[0][-2:] == ("6", "6") and look(tmp_path / "run")[1].fitness == 6.0
     (row,) = (row for row in Run(tmp_path / "run").rows() if row["place"] == "g0s1" and row["role"] == "candidate")
     assert row["cost/torque"] == 80.0

@@ -47,7 +47,7 @@ class Line:
     name: str
     color: int
     """Number of a colour of the style sheet."""
-    values: tuple[float | None, ...]
+    values: Curve
     kind: Kind = "line"
 
 
@@ -69,16 +69,13 @@ class Chart:
 def carried(found: Robust) -> list[Chart]:
     """F over each quantity that was changed alone, before and after."""
     after = {one.name: one for one in found.after}
-    charts: list[Chart] = []
+    drawn: list[Chart | None] = []
     for one in found.before:
-        xs = tuple(value for value, _, _ in one.points)
-        lines = [Line(name="before", values=_rounded([fitness for _, fitness, _ in one.points]), color=1)]
-        if one.name in after:
-            values = [fitness for _, fitness, _ in after[one.name].points]
-            lines.append(Line(name="after", values=_rounded(values), color=0))
-        unit = SCALES[one.name].unit
-        charts.append(Chart(title="F", x_label=f"{one.name} [{unit}]", xs=xs, lines=tuple(lines)))
-    return charts
+        sweeps = [("before", 1, one), *([("after", 0, after[one.name])] if one.name in after else [])]
+        lines = [Line(name=name, values=[F for _, F, _ in sweep.points], color=color) for name, color, sweep in sweeps]
+        xs = [value for value, _, _ in one.points]
+        drawn.append(_chart("F", f"{one.name} [{SCALES[one.name].unit}]", xs, lines))
+    return [chart for chart in drawn if chart is not None]
 
 
 # --- of a run ---------------------------------------------------------------------------------------------------------
@@ -87,14 +84,14 @@ def carried(found: Robust) -> list[Chart]:
 def progress(run: RunView) -> Chart | None:
     """The score of every candidate in order, the best so far, and the rewards that came with the task."""
     shown = run.candidates
-    scores = tuple(candidate.score for candidate in shown)
+    scores = [candidate.score for candidate in shown]
     early = any(candidate.played is None and candidate.score is not None for candidate in shown)
     levels = {f"{name} reward": run.baseline_score(name) for name in run.baselines}
     lines = [
-        Line(name="candidate", values=_rounded(scores), color=0, kind="dots"),
-        Line(name="best so far", values=_rounded(_best_so_far(run)), color=0, kind="steps"),
+        Line(name="candidate", values=scores, color=0, kind="dots"),
+        Line(name="best so far", values=_best_so_far(run), color=0, kind="steps"),
         *(
-            Line(name=name, values=_rounded([value] * len(shown)), color=BESIDE[name], kind="dashed")
+            Line(name=name, values=[value] * len(shown), color=BESIDE[name], kind="dashed")
             for name, value in levels.items()
         ),
     ]
@@ -124,7 +121,7 @@ def trainings(run: RunView) -> Chart | None:
     finals = [lane for lane in run.lanes.values() if lane.role == "final" and lane.id in run.results]
     called = {own.id: "before" if name == ORIGINAL else name for name, own in run.texts.items()}
     names = {lane.id: f"{called.get(lane.reward, lane.reward)}, seed {lane.seed}" for lane in finals}
-    shown = names if run.tunes and names else dict(zip(run.results, run.results, strict=True))
+    shown = names if run.tunes and names else {lane: lane for lane in run.results}
     curves = {name: run.results[lane].curves.get("fitness", ()) for lane, name in shown.items()}
     return _curves("F in training, with noise on the actions", curves, "trainings")
 
@@ -179,11 +176,11 @@ def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[s
     if len(xs) < 2:
         return None
     drawn = [
-        Line(name=name, values=_rounded(_reached(points, xs)), color=color % MAX_LINES, kind="steps")
+        Line(name=name, values=_reached(points, xs), color=color % MAX_LINES, kind="steps")
         for color, (name, points) in enumerate(lines.items())
     ]
     drawn += [
-        Line(name=name, values=_rounded([value] * len(xs)), color=color % MAX_LINES, kind="dashed")
+        Line(name=name, values=[value] * len(xs), color=color % MAX_LINES, kind="dashed")
         for color, (name, value) in enumerate(levels.items(), start=len(lines))
     ]
     return _chart(title, "million environment steps", [steps / 1e6 for steps in xs], drawn)
@@ -226,12 +223,7 @@ def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
 def _lines(curves: Mapping[str, Curve], beside: Mapping[str, int] = {}, kind: Kind = "line") -> list[Line]:
     """A line for each curve; those in `beside`, to compare with, are dashed and in their own colours."""
     return [
-        Line(
-            name=name,
-            values=_rounded(values),
-            color=beside.get(name, color),
-            kind="dashed" if name in beside else kind,
-        )
+        Line(name=name, values=values, color=beside.get(name, color), kind="dashed" if name in beside else kind)
         for color, (name, values) in enumerate(list(curves.items())[:MAX_LINES])
     ]
 
@@ -258,12 +250,9 @@ def _chart(
     bounds: tuple[int, ...] = (),
     note: str = "",
 ) -> Chart | None:
-    """The chart of those lines that have a value; None without any. Names are made safe to show."""
-    defined = tuple(
-        Line(name=one_line(line.name, 60), values=line.values, color=line.color, kind=line.kind)
-        for line in lines
-        if any(value is not None for value in line.values)
-    )
+    """The chart of those lines that have a value; None without any. Names are made safe to show, values rounded."""
+    shown = (replace(line, name=one_line(line.name, 60), values=_rounded(line.values)) for line in lines)
+    defined = tuple(line for line in shown if any(value is not None for value in line.values))
     if not defined:
         return None
     return Chart(title=title, x_label=x_label, xs=tuple(xs), lines=defined, names=names, bounds=bounds, note=note)
@@ -314,13 +303,12 @@ def family(run: RunView) -> Family | None:
     at: dict[Place, tuple[float, float]] = {}
     members: list[Member] = []
 
-    def height(candidate: CandidateView) -> float:
-        """Height of the candidate's parent."""
-        return at.get(candidate.parent.place, (0.0, 0.0))[1] if candidate.parent is not None else 0.0
+    def parent(candidate: CandidateView) -> tuple[float, float] | None:
+        return at.get(candidate.parent.place) if candidate.parent is not None else None
 
     for column, generation in enumerate(run.generations):
         # Children stand in the order of their parents, so that few lines cross.
-        ordered = sorted(generation.candidates, key=height)
+        ordered = sorted(generation.candidates, key=lambda candidate: (parent(candidate) or (0.0, 0.0))[1])
         for row, candidate in enumerate(ordered):
             x, y = MARGIN + column * COLUMN, HEAD + MARGIN + row * ROW
             at[candidate.place] = x, y
@@ -331,7 +319,7 @@ def family(run: RunView) -> Family | None:
                     y=y,
                     score=candidate.score,
                     shade=_shade(candidate.score, low, high),
-                    parent=at.get(candidate.parent.place) if candidate.parent is not None else None,
+                    parent=parent(candidate),
                 )
             )
     tallest = max(len(generation.candidates) for generation in run.generations)
@@ -348,6 +336,7 @@ def family(run: RunView) -> Family | None:
 
 
 def _shade(score: float | None, low: float | None, high: float | None) -> int | None:
-    if _drawable(score) is None or score is None or low is None or high is None:
+    score = _drawable(score)
+    if score is None or low is None or high is None:
         return None
     return round((score - low) / (high - low) * (SHADES - 1)) if high > low else SHADES - 1

@@ -33,10 +33,10 @@ def table(run: RunView, shown: Container[str] = COSTS) -> Table:
     return Table(titles, rows if names else [], f"{note}." if note else "")
 
 
-def facts(score: Evaluation | None) -> list[tuple[str, str]]:
+def facts(score: Evaluation | None) -> Table:
     """A row for each cost of one policy."""
-    costs = score.costs if score is not None else {}
-    return [(f"{name} [{COSTS[name].unit}]", number(value, 3)) for name, value in costs.items() if name in COSTS]
+    known = [(name, value) for name, value in score.costs.items() if name in COSTS] if score is not None else []
+    return Table(("", ""), [(f"{name} [{COSTS[name].unit}]", number(value, 3)) for name, value in known])
 
 
 def _scores(run: RunView) -> dict[str, Evaluation]:

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from queue import Queue
 from threading import Thread
-from types import TracebackType
 
 from ..config import RunConfig
 from ..errors import EurekaError
@@ -131,9 +130,7 @@ class Filming:
         self._queue()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Wait for what is left, unless the search was stopped: then the thread and its child end with this process."""
         self._stopped = error is not None
         self._policies.put(None)

@@ -128,9 +128,9 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=_inert,
     )
-    environment.filters |= {"cut": cut, "model": model, "number": number, "scored": scored, "duration": duration}
-    environment.filters |= {"code": code, "data": data, "dollars": dollars, "breakable": breakable}
-    environment.globals |= {
+    shown = (breakable, code, cut, data, dollars, duration, model, number, scored)
+    environment.filters |= {function.__name__: function for function in shown}
+    environment.globals |= LIMITS | {
         "tables": tables,
         "fitted": fitted,
         "verdict": verdict,
@@ -147,9 +147,7 @@ def environment() -> Environment:
         "PAGE_SCRIPT": PAGE_SCRIPT,
         "STATES": tuple(CandidateState),
         "changes": changes,
-        "spelled_out": tables.spelled_out,
     }
-    environment.globals |= LIMITS
     return environment
 
 

@@ -11,7 +11,7 @@ from ..config import RunConfig
 from ..method import baselines
 from ..method.hacking import PEAK_NAMES, UNTRAINED, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
-from ..refine.polishing import Polished, Try
+from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Outcome, SeedScores, human_normalised, plainly_normalised
 from ..stats import mean
@@ -171,7 +171,13 @@ def polished(run: RunView, found: Polished) -> Table:
     rows = [
         ("the best reward's, from which all started", own, "-", scored(run.played.get(found.began.lane)), held_out),
         *(
-            (one.lane.id, *_carried(run, one), scored(found.after) if one == found.chosen else "-")
+            (
+                one.lane.id,
+                _reward(run, one.lane.reward),
+                f"{one.start.fresh:.0%}",
+                scored(one.played),
+                scored(found.after) if one == found.chosen else "-",
+            )
             for one in found.tries
         ),
     ]
@@ -183,10 +189,6 @@ def polished(run: RunView, found: Polished) -> Table:
     )
     note += f" Held out: {NOISY}." if run.noisy else ""
     return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
-
-
-def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
-    return _reward(run, one.lane.reward), f"{one.start.fresh:.0%}", scored(one.played)
 
 
 def _reward(run: RunView, identity: str) -> str:
@@ -338,14 +340,3 @@ def _said(remark: Remark) -> str:
 def settings(config: RunConfig) -> Table:
     """Every field of a config."""
     return Table(("setting", "value"), [(key, str(value)) for key, value in asdict(config).items()])
-
-
-def spelled_out(generation: int, slot: int) -> str:
-    """What a candidate is called."""
-    return f"generation {generation}, slot {slot}"
-
-
-def spent(run: RunView) -> str:
-    usage = run.usage
-    tokens = f"{usage.prompt_tokens} prompt tokens and {usage.completion_tokens} completion tokens"
-    return f"{tokens}, US$ {dollars(usage.cost_usd)}."

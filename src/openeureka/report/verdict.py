@@ -64,11 +64,8 @@ def _lost(found: Tuned) -> str:
     """How many weightings were refused or failed, and the reason for the first."""
     name, reason = next(iter(found.lost.items()), ("", ""))
     others = len(found.trials) - 1
-    return (
-        f" {len(found.lost)} of {others} were refused or failed; the first, {name}: {reason.rstrip('.')}."
-        if name
-        else ""
-    )
+    told = f" {len(found.lost)} of {others} were refused or failed; the first, {name}: {reason.rstrip('.')}."
+    return told if name else ""
 
 
 def of_polishing(found: Polished) -> str:
@@ -90,20 +87,20 @@ def of_polishing(found: Polished) -> str:
 
 def _of_given(rewards: Mapping[str, SeedScores]) -> str:
     """The given reward of highest held-out F, compared with the second."""
-    ordered = _ordered(rewards)
-    if not rewards or not any(rewards[name].held_out for name in ordered):
+    if not any(own.held_out for own in rewards.values()):
         return "No reward has been trained yet."
-    if not rewards[ordered[0]].scores:
+    best, *others = _ordered(rewards)
+    if not rewards[best].scores:
         return "Not decided yet: nothing has been scored on held-out episodes."
-    if len(ordered) < 2 or not rewards[ordered[1]].scores:
-        return f"{ordered[0]}: F {_mean_of(rewards[ordered[0]])}, held out."
-    best, next_ = rewards[ordered[0]], rewards[ordered[1]]
-    between = f"F {_mean_of(best)} against {_mean_of(next_)}, held out"
-    found = _of_two(rewards, ordered[0], ordered[1])
+    if not others or not rewards[others[0]].scores:
+        return f"{best}: F {_mean_of(rewards[best])}, held out."
+    second = others[0]
+    between = f"F {_mean_of(rewards[best])} against {_mean_of(rewards[second])}, held out"
+    undecided = f"Not decided between {best} and {second}"
+    found = _of_two(rewards, best, second)
     if found is None:
-        return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing about the next."
-    unless = f"Not decided between {ordered[0]} and {ordered[1]}"
-    told = decided(found, f"{ordered[0]} is {{}} than {ordered[1]}", between, unless)
+        return f"{undecided}: {between}. One seed says nothing about the next."
+    told = decided(found, f"{best} is {{}} than {second}", between, undecided)
     return told if found.sure else f"{told} {_needed(found)}"
 
 
@@ -111,9 +108,9 @@ def _ordered(rewards: Mapping[str, SeedScores]) -> list[str]:
     return sorted(rewards, key=lambda name: -rank(mean(rewards[name].scores)))
 
 
-def _of_two(rewards: Mapping[str, SeedScores], best: str, next_: str) -> Difference | None:
-    rivals = [own.scores for name, own in rewards.items() if name not in (best, next_)]
-    return difference(rewards[best].scores, rewards[next_].scores, rivals, claims=len(rewards) - 1)
+def _of_two(rewards: Mapping[str, SeedScores], best: str, second: str) -> Difference | None:
+    rivals = [own.scores for name, own in rewards.items() if name not in (best, second)]
+    return difference(rewards[best].scores, rewards[second].scores, rivals, claims=len(rewards) - 1)
 
 
 def _of_search(run: RunView) -> str:

@@ -44,7 +44,7 @@ const eureka = (() => {
       return sum / weight;
     });
   }
-  const alike = (a, b) => JSON.stringify(a.lines.map((l) => [l.name, l.kind, l.color])) === JSON.stringify(b.lines.map((l) => [l.name, l.kind, l.color]));
+  const kinds = ({ lines }) => JSON.stringify(lines.map(({ name, kind, color }) => [name, kind, color]));
 
   /** Twelve colours cannot all be told apart, by some eyes fewer: every four of them have other dashes. */
   const DASHES = [[], [11, 4], [3, 3]];
@@ -106,7 +106,7 @@ const eureka = (() => {
   }
 
   function legend(figure, state) {
-    const list = figure.querySelector(".legend") ?? figure.appendChild(Object.assign(document.createElement("div"), { className: "legend" }));
+    const list = figure.querySelector(".legend");
     list.replaceChildren(...state.chart.lines.map((line, index) => {
       const button = document.createElement("button");
       const sign = document.createElement("i");
@@ -216,7 +216,7 @@ const eureka = (() => {
     figure.querySelector(".note")?.remove();
     figure.append(...fresh.querySelectorAll(".note"));
     const chart = JSON.parse(fresh.dataset.chart);
-    if (!alike(chart, state.chart)) return draw(figure);
+    if (kinds(chart) !== kinds(state.chart)) return draw(figure);
     const { min, max } = state.plot.scales.x;
     const whole = state.chart.xs;
     const zoomed = min > whole[0] || max < whole.at(-1);
