@@ -12,19 +12,12 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 from adapters import worlds  # noqa: F401  registers its environments
 
 from openeureka.film.render import frames
-from openeureka.film.stage import NothingDrawn, Screen, draws_itself, fitted
+from openeureka.film.stage import NothingDrawn, Screen, draws_itself
 from openeureka.tasks import registry
 from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy
 from openeureka.training.ppo import PPO
 from openeureka.types import Dynamics
-
-
-def test_a_picture_fills_the_frame_as_far_as_its_shape_allows():
-    picture = np.arange(2, dtype=np.uint8)[:, None, None].repeat(2, 1).repeat(3, 2) + 1  # ones above twos
-    shown = fitted(picture, 8, 4)
-    assert shown.shape == (4, 8, 3)
-    assert shown[:, :, 0].tolist() == [[0, 0, 1, 1, 1, 1, 0, 0]] * 2 + [[0, 0, 2, 2, 2, 2, 0, 0]] * 2
 
 
 def test_an_environment_is_filmed_as_it_draws_itself():
@@ -33,6 +26,15 @@ def test_an_environment_is_filmed_as_it_draws_itself():
     pictures = list(frames([Screen("gym:CartPole-v1", "random", 0)], 0.2))
     assert len(pictures) == 6 and pictures[0].shape == (720, 1280, 3)  # 0.2 s at 30 pictures a second
     assert (pictures[0] != pictures[-1]).any()
+    # It draws 600 x 400 pixels on white: 1080 x 720 of them fit, with 100 black ones on either side.
+    assert not pictures[0][:, :100].any() and not pictures[0][:, 1180:].any()
+    assert pictures[0][0, 100:1180].all()
+
+
+def test_a_caption_is_written_on_what_an_environment_draws():
+    pytest.importorskip("pygame", reason="needs pygame: pip install 'openeureka[gym]'")
+    plain, captioned = (next(frames([Screen("gym:CartPole-v1", "zero", 0)], 0.1, said)) for said in ((), ("zero",)))
+    assert (plain != captioned)[16:50, 16:90].any() and (plain == captioned)[100:].all()
 
 
 def test_a_film_lasts_as_long_as_what_it_shows_where_a_step_is_longer_than_a_picture():

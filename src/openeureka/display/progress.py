@@ -1,4 +1,4 @@
-"""One line that says how far a training is."""
+"""The console that a run prints to, and the lines by which it says what it does and how far a training is."""
 
 from __future__ import annotations
 

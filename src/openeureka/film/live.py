@@ -111,13 +111,16 @@ def _is_root(model: mujoco.MjModel, body: int) -> bool:
     return bool(model.body_weldid[body]) and not model.body_weldid[model.body_parentid[body]]
 
 
-def _obey(stage: Live, said: Mapping[str, Any]) -> None:
-    if said["do"] == "push":
-        stage.push(said["speed"], said["angle"])
-    elif said["do"] == "scale":
-        stage.scale(said["mass"], said["friction"])
-    else:
-        stage.restart()
+def _obey(channel: Channel, stage: Live, said: Mapping[str, Any]) -> None:
+    match said["do"]:
+        case "frame":
+            channel.send({}, {"frame": stage.frame()})
+        case "push":
+            stage.push(said["speed"], said["angle"])
+        case "scale":
+            stage.scale(said["mass"], said["friction"])
+        case _:
+            stage.restart()
 
 
 def _play(channel: Channel, stage: Live) -> None:
@@ -127,10 +130,7 @@ def _play(channel: Channel, stage: Live) -> None:
             asked = channel.receive()
             if asked is None:
                 return
-            if asked.header["do"] == "frame":
-                channel.send({}, {"frame": stage.frame()})
-            else:
-                _obey(stage, asked.header)
+            _obey(channel, stage, asked.header)
         now = time.monotonic()
         if now < due:
             time.sleep(min(due - now, 0.005))

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import torch
+from PIL import Image, ImageOps
 from torch import Tensor
 
 from ..errors import EurekaError
@@ -93,10 +94,11 @@ class Stage(Play):
 
 
 def _agent(env: str, kind: str | bytes, seed: int) -> Agent:
-    actions = registry.get(env).num_actions
+    task = registry.get(env)
+    actions = task.num_actions
     if isinstance(kind, bytes):
         policy = Policy.from_bytes(kind)
-        policy.expect(registry.get(env).num_observations, actions)
+        policy.expect(task.num_observations, actions)
         return Player([policy])
     if kind == "random":
         generator = torch.Generator().manual_seed(seed)
@@ -116,32 +118,15 @@ def draws_itself(env: str) -> bool:
 class Screen(Play):
     """Pictures as the environment makes them; raises NothingDrawn where it makes none."""
 
-    def __init__(self, env: str, agent: str | bytes, seed: int) -> None:
-        super().__init__(env, agent, seed)
-        self._env = env
-
     @contextmanager
-    def painter(self, width: int, height: int) -> Iterator[Any]:
-        """A function that draws the present state, (height, width, 3) uint8."""
+    def painter(self, width: int, height: int) -> Iterator[Callable[[], np.ndarray]]:
+        """A function that draws the present state, (height, width, 3) uint8, with black around it."""
         worlds: Any = self._simulation.sim
 
         def paint() -> np.ndarray:
             picture = worlds.picture(0)
             if picture is None:
-                raise NothingDrawn(f"`{self._env}` does not render pictures.")
-            return fitted(picture, width, height)
+                raise NothingDrawn(f"`{self._simulation.task.env}` does not render pictures.")
+            return np.array(ImageOps.pad(Image.fromarray(picture), (width, height), Image.Resampling.NEAREST))
 
         yield paint
-
-
-def fitted(picture: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A picture (h, w, 3) scaled to fit into (height, width, 3), by nearest pixels, with black around it."""
-    scale = min(width / picture.shape[1], height / picture.shape[0])
-    tall, wide = (max(1, int(size * scale)) for size in picture.shape[:2])
-    rows, columns = (
-        (np.arange(size) * given // size) for size, given in zip((tall, wide), picture.shape[:2], strict=True)
-    )
-    canvas = np.zeros((height, width, 3), np.uint8)
-    top, left = (height - tall) // 2, (width - wide) // 2
-    canvas[top : top + tall, left : left + wide] = picture[rows][:, columns]
-    return canvas
