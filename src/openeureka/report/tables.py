@@ -193,9 +193,8 @@ def polished(run: RunView, found: Polished) -> Table:
 
 def _reward(run: RunView, identity: str) -> str:
     """What people call a reward: its first place in the search, or its name as a weighting."""
-    places = (str(slot.place) for slot in run.candidates if slot.program is not None and slot.program.id == identity)
     names = (name for name, candidate in run.texts.items() if candidate.id == identity)
-    return next(places, "") or next(names, identity)
+    return str(run.places.get(identity, "")) or next(names, identity)
 
 
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:

@@ -21,6 +21,7 @@ from ..store import Store, artifacts
 from ..types import (
     OWN_REWARDS,
     Candidate,
+    CandidateId,
     Evaluation,
     History,
     Lane,
@@ -184,11 +185,19 @@ class RunView:
         return played.fitness if played is not None else result.fitness
 
     @property
+    def places(self) -> dict[CandidateId, Place]:
+        """The first slot that holds each program: people know the program by it."""
+        return {own.program.id: own.place for own in reversed(self.candidates) if own.program is not None}
+
+    @property
     def twins(self) -> dict[Place, Place]:
         """Candidates with the program of an earlier one, mapped to that earlier one, which trained for both."""
-        first: dict[str, Place] = {}
-        named = [(own.program.id, own.place) for own in self.candidates if own.program is not None]
-        return {place: before for name, place in named if (before := first.setdefault(name, place)) != place}
+        first = self.places
+        return {
+            own.place: first[own.program.id]
+            for own in self.candidates
+            if own.program is not None and first[own.program.id] != own.place
+        }
 
     @property
     def highest(self) -> float | None:

@@ -84,14 +84,11 @@ class LaneView:
 
 def lanes(run: RunView) -> dict[str, LaneView]:
     """The lanes of a run by id, in the order in which they were begun."""
-    places: dict[str, str] = {}
-    for slot in run.candidates:
-        if slot.program is not None:
-            places.setdefault(slot.program.id, str(slot.place))
+    places = run.places
     return {
         name: LaneView(
             lane=lane,
-            place=places.get(lane.reward, ""),
+            place=str(places.get(lane.reward, "")),
             result=run.results.get(name),
             played=run.played.get(name),
             held_out=run.evaluations.get(name),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -38,8 +38,8 @@ def lost(problem: str) -> str:
 
 def start_form() -> dict[str, object]:
     """The choices in the form that starts a run, and in the one that filters the list."""
-    shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "states": tuple(RunState)}
-    return {"envs": registry.names(), "defaults": RunConfig(), **shown}
+    choices = {"envs": registry.names(), "feedbacks": FEEDBACKS, "videos": VIDEOS, "states": tuple(RunState)}
+    return {"defaults": RunConfig(), **choices}
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
@@ -103,23 +103,20 @@ def now(directory: Path, run: RunView, name: str = "") -> Parts:
 def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     """Everything about some candidates, `g0s1` and the like; unknown ones are left out."""
     known = {str(candidate.place): candidate for candidate in run.candidates}
-    shown = [known[name] for name in dict.fromkeys(names) if name in known]
-    piece = _pieces(run=run)
-    ear = actions.ear(directory)
-    places = list(known)
-    back = "candidates?" + urlencode([("show", str(c.place)) for c in shown])
-    trained_ones = [(c, c.result.lane) for c in shown if c.result is not None] if _in_depth(run.config.env) else []
-    kept = filming.kept(directory, [lane for _, lane in trained_ones])
-    playing = [c for c, lane in trained_ones if lane in kept]
-    parts = {"said": piece.said(*ear)} | {f"play-{c.place!s}": piece.play(c) for c in playing}
+    shown = {name: known[name] for name in names if name in known}
+    piece, ear = _pieces(run=run), actions.ear(directory)
+    back = "candidates?" + urlencode([("show", name) for name in shown])
+    lanes = {name: c.result.lane for name, c in shown.items() if c.result is not None}
+    kept = filming.kept(directory, lanes.values()) if _in_depth(run.config.env) else ()
+    parts = {"said": piece.said(*ear)}
+    parts |= {f"play-{name}": piece.play(shown[name]) for name, lane in lanes.items() if lane in kept}
     if not shown:
         parts["none"] = piece.nothing_chosen()
-    for c in shown:
-        name = str(c.place)
-        at = places.index(name)
-        beside = [places[at - 1] if at else "", places[at + 1] if at + 1 < len(places) else ""]
+    row = ["", *known, ""]
+    for name, c in shown.items():
+        beside = row[row.index(name) - 1], row[row.index(name) + 1]
         children = [other for other in run.candidates if other.parent is not None and other.parent.place == c.place]
-        others = [other for other in shown if other is not c]
+        others = [other for other in shown.values() if other is not c]
         parts[f"live-{name}"] = ""
         parts[name] = piece.whole(c, _prompt(run, c), others, ear.listens, children, beside, back)
     return parts
@@ -157,13 +154,9 @@ def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: 
         more: how many runs are left out because there are too many.
         unread: how many are left out because they cannot be read.
     """
-    settings = {name: asdict(view.config) for name, view in views.items()}
-    keys = next(iter(settings.values()), {})
-    differing = {
-        key: [str(one[key]) for one in settings.values()]
-        for key in keys
-        if len({str(one[key]) for one in settings.values()}) > 1
-    }
+    configs = [view.config for view in views.values()]
+    settings = {field.name: [str(getattr(config, field.name)) for config in configs] for field in fields(RunConfig)}
+    differing = {key: values for key, values in settings.items() if len({*values}) > 1}
     piece = _pieces(run=None)
     return {"runs": piece.compared(views, glances, more, unread), "settings": piece.differing(list(views), differing)}
 
@@ -191,11 +184,7 @@ def vanished() -> Parts:
 def _places(run: RunView) -> dict[str, str]:
     """What people call the lanes of candidates and of baselines, by lane id."""
     others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
-    return others | {
-        lane_id(candidate.program.id, run.config.seed): str(candidate.place)
-        for candidate in reversed(run.candidates)
-        if candidate.program is not None
-    }
+    return others | {lane_id(program, run.config.seed): str(place) for program, place in run.places.items()}
 
 
 def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
