@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 from ..config import RunConfig
 from ..errors import ConfigError, FeedbackError, StoreError
@@ -69,19 +69,16 @@ class Launcher:
         """Call `eureka` with these words; what it prints ends up in the log of the run."""
         self._processes = [process for process in self._processes if process.poll() is None]
         with explained(directory), artifacts.appended(directory, LOG) as log:
-            self._processes.append(_detached(words, log))
-
-
-def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
-    """`eureka` in a separate session: Ctrl-C and a closed terminal end the page, not the run."""
-    return subprocess.Popen(
-        [*_EUREKA, *words],
-        stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=subprocess.STDOUT,
-        env=environment() | {"PYTHONUNBUFFERED": "1"},
-        start_new_session=True,
-    )
+            self._processes.append(
+                subprocess.Popen(
+                    [*_EUREKA, *words],
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=environment() | {"PYTHONUNBUFFERED": "1"},
+                    start_new_session=True,  # Ctrl-C and a closed terminal end the page, not the run
+                )
+            )
 
 
 class Ear(NamedTuple):

@@ -198,10 +198,7 @@ class Pages:
         if policy is None:
             raise HTTPException(404, "There is no such policy.")
 
-        async def gone() -> bool:
-            return self._ending() or await request.is_disconnected()
-
-        playing = self._players.events(key, view.config.env, policy, gone)
+        playing = self._players.events(key, view.config.env, policy, partial(self._gone, request))
         return StreamingResponse(playing, media_type="text/event-stream")
 
     def _list(self) -> Page:
@@ -303,6 +300,10 @@ class Pages:
         except HTTPException:
             return Version.make(pages.vanished)
 
+    async def _gone(self, request: Request) -> bool:
+        """Whether nobody listens to the answer any more, or nobody shall."""
+        return self._ending() or await request.is_disconnected()
+
     def _answer(
         self,
         request: Request,
@@ -318,11 +319,7 @@ class Pages:
         """
         if "text/event-stream" in request.headers.get("accept", ""):
             shown = request.query_params.get("shown", "").split(",")
-
-            async def gone() -> bool:
-                return self._ending() or await request.is_disconnected()
-
-            following = events(partial(self._followed, look), shown, gone)
+            following = events(partial(self._followed, look), shown, partial(self._gone, request))
             return StreamingResponse(following, media_type="text/event-stream")
         page = look()
         text = pages.layout(

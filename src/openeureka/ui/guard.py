@@ -51,7 +51,7 @@ def middleware(token: str, hosts: Sequence[str]) -> list[Middleware]:
 
 class _Gate:
     def __init__(self, app: ASGIApp, token: str) -> None:
-        self._app, self._token = app, token
+        self._app, self._token = app, token.encode()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def guarded(message: Message) -> None:
@@ -67,7 +67,8 @@ class _Gate:
         await (refusal or self._app)(scope, receive, guarded)
 
     def _refusal(self, request: Request) -> Response | None:
-        if not self._knows(_password(request.headers.get("authorization", ""))):
+        said = _password(request.headers.get("authorization", ""))
+        if not secrets.compare_digest(said, self._token):
             challenge = {"WWW-Authenticate": 'Basic realm="eureka ui: the password is the token", charset="UTF-8"'}
             return PlainTextResponse("Open the address that `eureka ui` printed; it holds the token.", 401, challenge)
         # The browser adds the token also to requests that other sites cause. They may link here, and nothing else.
@@ -81,9 +82,6 @@ class _Gate:
             if int(request.headers["content-length"]) > MAX_BODY:
                 return PlainTextResponse("This form is too large.", 413)
         return None
-
-    def _knows(self, said: bytes) -> bool:
-        return secrets.compare_digest(said, self._token.encode())
 
 
 def _password(header: str) -> bytes:
