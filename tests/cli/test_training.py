@@ -5,8 +5,9 @@ from html import unescape
 
 import pytest
 
+from openeureka.cli.facts import facts
 from openeureka.cli.main import main
-from openeureka.cli.show import facts, show
+from openeureka.cli.show import show
 from openeureka.cli.train import resume, train
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import pytest
 
 import openeureka
+from openeureka.cli.facts import facts
 from openeureka.cli.main import main
-from openeureka.cli.show import facts, show
+from openeureka.cli.show import show
 from openeureka.cli.train import resume, train, tune
 from openeureka.config import RunConfig, TuneConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, TaskError, WorkerError

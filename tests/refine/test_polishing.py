@@ -12,7 +12,8 @@ import pytest
 from loop.alone import Killed, run
 
 from openeureka import strategies
-from openeureka.cli.show import facts, summary
+from openeureka.cli.facts import facts
+from openeureka.cli.show import summary
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.method.lanes import HELD_OUT

@@ -6,7 +6,8 @@ import pytest
 from loop.alone import run
 
 from openeureka import strategies
-from openeureka.cli.show import facts, show
+from openeureka.cli.facts import facts
+from openeureka.cli.show import show
 from openeureka.config import RunConfig
 from openeureka.events import nobody
 from openeureka.report import html

@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import shutil
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..display.live import verdict_line
 from ..display.progress import working
 from ..numbers import columns, dollars, number, scored
-from ..parsing import command_line, parse, short_path
+from ..parsing import command_line, parse
 from ..refine.hardened import Robust
-from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
-from ..report.candidates import CandidateView, GenerationView
-from ..report.verdict import deciding, limits_reason, meaning, none_found, of_polishing, of_tuning, verdict
+from ..report.verdict import limits_reason, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
-from ..runs.run import lanes
-from ..score import Outcome, SeedScores
 from ..store import artifacts, is_held, read_config
 from ..store.db import LOG
 from ..text import plain
-from ..types import CandidateId, Evaluation, Remark, Scored, TrainingResult
+from ..types import CandidateId, Remark, Scored
+from .facts import written
 from .settings import ReportConfig, only_path, split
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 MAX_SAID = 4_000
 """Characters shown of what a person said at a time."""
@@ -43,7 +35,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
     run = RunView.read(directory)
     if as_json:
-        print(json.dumps(facts(run), indent=2))
+        print(written(run))
         return
     if run.tunes:
         tell([*tuned(run), *(["", *robust_lines(run.robust)] if run.robust is not None else [])])
@@ -74,12 +66,9 @@ def tell(lines: Sequence[str]) -> None:
     text = plain("\n".join(lines))
     if sys.stdout is not None and sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
-        text = "\n".join(line if "  " in line else _wrapped(line, width) for line in text.splitlines())
+        wrap = partial(textwrap.fill, width=width, break_long_words=False, break_on_hyphens=False)
+        text = "\n".join(line if "  " in line else wrap(line) for line in text.splitlines())
     print(text)
-
-
-def _wrapped(line: str, width: int) -> str:
-    return textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
 
 
 def _said(when: str, remarks: Sequence[Remark]) -> str:
@@ -121,9 +110,13 @@ def summary(run: RunView) -> list[str]:
         lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
-    lines += ["", "The best reward with fitted numbers:", "", *_fitted(run, found), ""] if (found := run.tuned) else []
-    lines += ["", "The best policy, trained further:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
-    lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
+    if (found := run.tuned) is not None:
+        lines += ["", "The best reward with fitted numbers:", "", *_fitted(run, found), ""]
+    if (on := run.polished) is not None:
+        carried = [*_lines(tables.polished(run, on)), of_polishing(on)]
+        lines += ["", "The best policy, trained further:", "", *carried, ""]
+    if run.robust is not None:
+        lines += ["", *robust_lines(run.robust), ""]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {dollars(run.usage.cost_usd)}"]
 
@@ -150,171 +143,14 @@ def robust_lines(found: Robust) -> list[str]:
     ]
 
 
-def closing(run: RunView, directory: Path) -> list[str]:
-    """The last lines of a command that made a run: where everything is, and the command to decide what is open."""
-    shown = short_path(directory)
-    return [
-        f"\nEverything is in {shown}; begin with report.html",
-        *(f"To decide what is open: {plain(command)}" for command, _ in deciding(run, str(shown))),
-    ]
-
-
 def _fitted(run: RunView, found: Tuned) -> list[str]:
     shown = [fitted.numbers(found), *([fitted.finals(run, found), fitted.components(found)] if found.finals else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
     return [*lines, plain(of_tuning(found))]
 
 
-def _carried_on(run: RunView, found: Polished) -> list[str]:
-    return [*_lines(tables.polished(run, found)), of_polishing(found)]
-
-
 def _lines(table: tables.Table) -> list[str]:
     return [*plain(columns([table.titles, *table.rows])).splitlines(), *([table.note] if table.note else []), ""]
-
-
-def facts(run: RunView) -> dict[str, object]:
-    """The run for programs. `fitness` is F in training, its maximum over epochs. Undefined values are null."""
-    best, text, outcome = run.best, run.best_text, run.outcome
-    return {
-        "settings": dataclasses.asdict(run.config),
-        "ranked_by": run.ranks,
-        "generations": [_generation(generation) for generation in run.generations],
-        "unheard": [_remark(remark) for remark in run.unheard],
-        "baselines": {name: _scores(run.played.get(r.lane), r) for name, r in run.baselines.items()},
-        "given": {
-            name: {key: value for key, value in lane.row().items() if key not in ("lane", "role", "place")}
-            for name, lane in lanes(run).items()
-            if lane.lane.role == "given"
-        },
-        "tuned": _tuned(run.tuned) if run.tuned is not None else None,
-        "polished": _polished(run.polished) if run.polished is not None else None,
-        "robust": _robust(run.robust) if run.robust is not None else None,
-        "best": {"name": str(best.place), "source": text.source} if best and text else None,
-        "final": _final(outcome) if outcome is not None else None,
-        "verdict": verdict(run),
-        "score": outcome.normalised if outcome is not None else None,
-        "suspected": [{"kind": sign.kind, "sentence": sign.sentence} for sign in run.signs],
-        "usage": dataclasses.asdict(run.usage),
-    }
-
-
-def _fields(noun: DataclassInstance | None) -> dict[str, object] | None:
-    return dataclasses.asdict(noun) if noun is not None else None
-
-
-def _robust(found: Robust) -> dict[str, object]:
-    arms = {
-        arm.name: {
-            "ranges": arm.ranges.drawn if arm.ranges is not None else {},
-            "chosen_by": arm.chosen_by,
-            "own_world": _fields(arm.nominal),
-            "hard": arm.hard,
-            "worlds": {name: _fields(score) for name, score in arm.worlds.items()},
-        }
-        for arm in found.arms
-    }
-    return {"ours": found.ours, "arms": arms, "verdict": robust.verdict(found)}
-
-
-def _polished(found: Polished) -> dict[str, object]:
-    return {
-        "began": found.began._asdict(),
-        "before": _fields(found.before),
-        "after": _fields(found.after),
-        "gain": _fields(found.gain),
-        "best": found.best._asdict() if found.best is not None else None,
-        "better": found.better,
-        "lanes": [
-            {
-                "lane": one.lane.id,
-                "reward": one.lane.reward,
-                "fresh": one.start.fresh,
-                **_scores(one.played, one.result),
-            }
-            for one in found.tries
-        ],
-    }
-
-
-def _tuned(found: Tuned) -> dict[str, object]:
-    return {
-        "numbers": [
-            {
-                "name": effect.weight.name,
-                "before": effect.weight.value,
-                "after": effect.after,
-                "trend": _fields(effect.trend),
-                "distance": _fields(effect.distance),
-                "matters": effect.matters,
-            }
-            for effect in found.effects
-        ],
-        "after": found.after,
-        "better": found.better,
-        "final": {name: _fields(own) for name, own in found.finals.items()},
-        "difference": _fields(found.difference),
-        "components": {
-            name: dict(zip(("before", "after"), pair, strict=True)) for name, pair in found.components.items()
-        },
-        "trials": [
-            {"name": t.name, "candidate": t.candidate.id, "numbers": list(t.values), "played_fitness": t.played}
-            for t in found.trials
-        ],
-    }
-
-
-def _generation(generation: GenerationView) -> dict[str, object]:
-    return {
-        "index": generation.index,
-        "finished": generation.finished,
-        "slots": [_slot_facts(candidate) for candidate in generation.candidates],
-        "remarks": [_remark(remark) for remark in generation.remarks],
-    }
-
-
-def _remark(remark: Remark) -> dict[str, str | None]:
-    places = {"candidate": remark.place, "over": remark.over}
-    named = {name: str(place) if place is not None else None for name, place in places.items()}
-    return {"kind": remark.kind, "text": remark.text, **named}
-
-
-def _slot_facts(slot: CandidateView) -> dict[str, object]:
-    return {
-        "name": str(slot.place),
-        "candidate": slot.program.id if slot.program is not None else None,
-        "state": slot.state,
-        "verdict": slot.verdict.code if slot.verdict is not None else None,
-        "findings": [dataclasses.asdict(finding) for finding in slot.verdict.findings] if slot.verdict else [],
-        "attempts": len(slot.attempts),
-        **_scores(slot.played, slot.result),
-        "votes": slot.strength,
-        "vetoed": slot.vetoed,
-    }
-
-
-def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[str, object]:
-    return {
-        "played_fitness": played.fitness if played is not None else None,
-        "played_error": played.error if played is not None else None,
-        "costs": dict(played.costs) if played is not None else {},
-        "fitness": result.fitness if result is not None else None,
-    }
-
-
-def _final(outcome: Outcome) -> dict[str, object]:
-    """Every reward of the race with a number for each seed, and how much better the best is than the human one."""
-    rewards = {"best": outcome.method, **{str(place): own for place, own in outcome.rivals.items()}}
-    rewards |= {"human": outcome.human, "sparse": outcome.sparse}
-    found = outcome.difference
-    return {
-        "rewards": {name: _of_seeds(own) for name, own in rewards.items()},
-        "difference": _fields(found),
-    }
-
-
-def _of_seeds(own: SeedScores) -> dict[str, object]:
-    return {"fitness": own.training, "held_out_fitness": own.held_out}
 
 
 def report(words: Sequence[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -16,6 +15,7 @@ from ..method.given import Given
 from ..method.seeds import unused_seed
 from ..numbers import columns
 from ..parsing import changed, command_line, parse, short_path, whole_path
+from ..report.verdict import deciding
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import left_out, listed, named, to_tune
@@ -25,8 +25,9 @@ from ..store.store import expect_same
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
+from .facts import written
 from .settings import BenchConfig, only_path, split, trusting
-from .show import closing, facts, given_lines, robust_lines, summary, tell, tuned
+from .show import given_lines, robust_lines, summary, tell, tuned
 from .terminal import Terminal, aside
 
 
@@ -98,10 +99,13 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
 
 
 def _close(run: RunView, directory: Path, problems: Sequence[str]) -> None:
-    """Print what of the report could not be made, and where the rest is."""
+    """Print what of the report could not be made, where the rest is, and the command to decide what is open."""
     for problem in problems:
         print(plain(problem))
-    print("\n".join(closing(run, directory)))
+    shown = short_path(directory)
+    print(f"\nEverything is in {shown}; begin with report.html")
+    for command, _ in deciding(run, str(shown)):
+        print(f"To decide what is open: {plain(command)}")
 
 
 def train(words: Sequence[str], *, as_json: bool = False) -> None:
@@ -117,7 +121,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run_config(), directory, rewards)
     if as_json:
-        print(json.dumps({"directory": str(short_path(directory)), **facts(run)}, indent=2))
+        print(written(run, directory))
     _say_what_failed(run)
 
 
@@ -169,7 +173,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
         directory = output_directory(typed.dir, typed.env, "tune_")
         run = fit(typed.run_config(), directory, reward)
     if as_json:
-        print(json.dumps({"directory": str(short_path(directory)), **facts(run)}, indent=2))
+        print(written(run, directory))
     _say_that_all_failed(run)
 
 
