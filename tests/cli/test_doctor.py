@@ -16,27 +16,27 @@ def test_the_doctor_never_prints_a_key(monkeypatch, capsys):
 
 @pytest.mark.parametrize(("needed", "code", "mark"), [(True, 1, "MISSING"), (False, 0, "absent")])
 def test_only_what_a_run_needs_fails_the_doctor(needed, code, mark, monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "LOOKS", (lambda: [Finding("thing", False, "install it", needed=needed)],))
+    monkeypatch.setattr(doctor, "LOOKS", (lambda: Finding("thing", False, "install it", needed=needed),))
     assert doctor.doctor() == code
     assert capsys.readouterr().out == f"thing  {mark}  install it\n"
 
 
 def test_installed_packages_are_found_and_missing_ones_said():
-    assert all(finding.good for finding in doctor.packages())
-    assert doctor._package("no-such-package") == Finding("no-such-package", False, "pip install no-such-package")
+    assert all(doctor.package(name).good for name in doctor.PACKAGES)
+    assert doctor.package("no-such-package") == Finding("no-such-package", False, "pip install no-such-package")
 
 
 def test_gpus_are_counted_or_what_they_lack_is_said(monkeypatch):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
-    (absent,) = doctor.gpus()
+    absent = doctor.gpus()
     assert not absent.good and not absent.needed and "use device=cpu" in absent.detail
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     monkeypatch.setattr("openeureka.sim.find_spec", lambda _: object())
     monkeypatch.setattr("openeureka.sim._warp_gpus", lambda: 0)
-    (old,) = doctor.gpus()
+    old = doctor.gpus()
     assert not old.good and "update the driver" in old.detail
     monkeypatch.setattr("openeureka.sim._warp_gpus", lambda: 2)
-    assert doctor.gpus() == [Finding("device=cuda", True, "trains on cuda:0, cuda:1")]
+    assert doctor.gpus() == Finding("device=cuda", True, "trains on cuda:0, cuda:1")
 
 
 @pytest.mark.parametrize(
@@ -61,21 +61,21 @@ def test_the_embedded_model_needs_its_engine_and_whole_weights(monkeypatch, tmp_
     monkeypatch.setenv("EUREKA_CACHE", str(tmp_path))
     monkeypatch.delenv("EUREKA_GGUF", raising=False)
     (tmp_path / doctor.weights.QWEN.filename).touch()
-    assert not doctor.embedded_model()[0].good  # an empty file does not count
+    assert not doctor.embedded_model().good  # an empty file does not count
     (tmp_path / "mine.gguf").write_bytes(b"GGUF")
     monkeypatch.setenv("EUREKA_GGUF", str(tmp_path / "mine.gguf"))
-    assert doctor.embedded_model() == [Finding("model=local", True, f"EUREKA_GGUF names {tmp_path}/mine.gguf")]
+    assert doctor.embedded_model() == Finding("model=local", True, f"EUREKA_GGUF names {tmp_path}/mine.gguf")
     missing.add("xllamacpp")
-    assert not doctor.embedded_model()[0].good
+    assert not doctor.embedded_model().good
     missing.clear()
     monkeypatch.setenv("EUREKA_GGUF", str(tmp_path / "none.gguf"))
-    (finding,) = doctor.embedded_model()
+    finding = doctor.embedded_model()
     assert not finding.good and "EUREKA_GGUF names" in finding.detail
 
 
 def test_the_page_names_what_to_install(monkeypatch):
     missing = {"uvicorn"}
     monkeypatch.setattr(doctor, "_installed", lambda name: name not in missing)
-    (finding,) = doctor.page()
+    finding = doctor.page()
     assert (finding.good, finding.needed) == (False, False)
     assert finding.detail == "uvicorn is missing; pip install 'openeureka[ui]'"

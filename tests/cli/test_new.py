@@ -1,7 +1,7 @@
 import pytest
 from toys import eureka as run
 
-from openeureka.cli import tasks
+from openeureka.cli import new
 from openeureka.errors import TaskError
 from openeureka.film.stage import Stage
 from openeureka.tasks.registry import get
@@ -122,7 +122,7 @@ def test_a_draft_that_cannot_be_tried_leaves_no_file_behind(robot, monkeypatch):
     def broken(*_: object):
         raise TaskError("It does not step.")
 
-    monkeypatch.setattr(tasks, "_try", broken)
+    monkeypatch.setattr(new, "_try", broken)
     assert run("new", "cart.py", "model=cart.xml") != 0
     assert not (robot / "cart.py").exists()
 

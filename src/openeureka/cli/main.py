@@ -70,26 +70,20 @@ def options(
 ) -> None: ...
 
 
-Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
-Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
-Remarks = Annotated[list[str] | None, typer.Argument(metavar="WORDS|MARK|go", hidden=True)]
+Settings = Annotated[list[str], typer.Argument(metavar="KEY=VALUE", hidden=True, default_factory=list)]
+Words = Annotated[list[str], typer.Argument(metavar="KEY=VALUE|PATH", hidden=True, default_factory=list)]
+Remarks = Annotated[list[str], typer.Argument(metavar="WORDS|MARK|go", hidden=True, default_factory=list)]
 Json = Annotated[bool, typer.Option("--json", help="For programs: print JSON.")]
 RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
-def _fitting(kind: type[RunConfig | TrainConfig | TuneConfig], words: list[str] | None) -> list[str]:
-    """Raises ConfigError for words that do not fit, before the trainer is loaded: that takes seconds."""
-    parse(kind, words or [])
-    return words or []
-
-
 @app.command(short_help="Search for a reward and keep the best one, with a report.", epilog=describe(RunConfig))
-def run(words: Settings = None) -> None:
+def run(words: Settings) -> None:
     """Search for a reward and keep the best one, its policy, a video and a report.
 
     Example: eureka run env=cartpole model=random sample=8 iteration=2
     """
-    words = _fitting(RunConfig, words)
+    parse(RunConfig, words)  # words that do not fit are refused before the trainer loads, which takes seconds
     from .train import run
 
     run(words)
@@ -102,14 +96,14 @@ _MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # `dir` 
     short_help="Continue a search where it stopped.",
     epilog=f"\b\nBesides settings:\n{line('trust=', TRUST)}\n\nSettings that may differ from before: {_MAY_CHANGE}.",
 )
-def resume(words: Words = None) -> None:
+def resume(words: Words) -> None:
     """Continue a search where it stopped, and never ask again for a stored reply.
 
     Example: eureka resume outputs/2026-01-31_12-00-00_cartpole max_cost=10
     """
     from .train import resume
 
-    resume(words or [])
+    resume(words)
 
 
 @app.command(short_help="Stop a search from another shell.")
@@ -124,14 +118,14 @@ def stop(directory: RunDirectory) -> None:
 
 
 @app.command(short_help="Give feedback to a run with feedback=human.")
-def feedback(directory: RunDirectory, words: Remarks = None) -> None:
+def feedback(directory: RunDirectory, words: Remarks) -> None:
     """Give feedback to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
 
     Example: eureka feedback outputs/2026-01-31_12-00-00_ant "too jerky" favourite=g0s3 vote=g0s3:g0s1 go
     """
     from .remote import feedback
 
-    feedback(directory, words or [])
+    feedback(directory, words)
 
 
 @app.command()
@@ -146,46 +140,46 @@ def show(directory: RunDirectory, as_json: Json = False) -> None:
 
 
 @app.command(short_help="Write report.html, policy.onnx and missing videos of a run.", epilog=describe(ReportConfig))
-def report(words: Words = None) -> None:
+def report(words: Words) -> None:
     """Write report.html, policy.onnx, TensorBoard events and missing videos of a run.
 
     Example: eureka report outputs/2026-01-31_12-00-00_cartpole video=all
     """
     from .show import report
 
-    report(words or [])
+    report(words)
 
 
 @app.command(short_help="Write the best reward for Gymnasium, mjlab or Isaac Lab.", epilog=describe(ExportConfig))
-def export(words: Words = None) -> None:
+def export(words: Words) -> None:
     """Write the best reward of a gym:, mjlab: or isaaclab: run as a file for use there, without openeureka.
 
     Example: eureka export outputs/2026-01-31_12-00-00_hopper_v5 to=gymnasium
     """
     from .export import export
 
-    export(words or [])
+    export(words)
 
 
 @app.command(epilog=describe(TrainConfig))
-def train(words: Settings = None, as_json: Json = False) -> None:
+def train(words: Settings, as_json: Json = False) -> None:
     """Train and compare given rewards, without a language model.
 
     Example: eureka train env=cartpole reward=human,sparse seeds=3
     """
-    words = _fitting(TrainConfig, words)
+    parse(TrainConfig, words)  # words that do not fit are refused before the trainer loads, which takes seconds
     from .train import train
 
     train(words, as_json=as_json)
 
 
 @app.command(short_help="Fit the numbers in one reward and keep its structure.", epilog=describe(TuneConfig))
-def tune(words: Settings = None, as_json: Json = False) -> None:
+def tune(words: Settings, as_json: Json = False) -> None:
     """Fit the numbers in one reward, keep its structure, and show which numbers matter and what F gains.
 
     Example: eureka tune env=ant reward=human trials=32
     """
-    words = _fitting(TuneConfig, words)
+    parse(TuneConfig, words)  # words that do not fit are refused before the trainer loads, which takes seconds
     from .train import tune
 
     tune(words, as_json=as_json)
@@ -195,82 +189,80 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
     short_help="Train the best policy further: other masses, frictions, delays.",
     epilog=describe(RobustConfig, trust=TRUST),
 )
-def robust(words: Words = None) -> None:
+def robust(words: Words) -> None:
     """Fine-tune the best policy under domain randomisation, with ranges that a model proposes.
 
     Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
     """
     from .train import robust
 
-    robust(words or [])
+    robust(words)
 
 
 @app.command(short_help="Compare models or searches over tasks and seeds.", epilog=describe(BenchConfig))
-def bench(words: Words = None) -> None:
+def bench(words: Words) -> None:
     """Compare arms, such as models or searches, over tasks and seeds; to continue after a stop, give the same command.
 
     Example: eureka bench plan.yaml dir=outputs/ablations
     """
     from .train import bench
 
-    raise typer.Exit(bench(words or []))
+    raise typer.Exit(bench(words))
 
 
 @app.command(epilog=describe(CheckConfig))
-def check(words: Words = None, as_json: Json = False) -> None:
+def check(words: Words, as_json: Json = False) -> None:
     """Check one reward file as a run would: accepted or refused.
 
     Example: eureka check env=cartpole my_reward.py
     """
     from .tasks import check
 
-    raise typer.Exit(check(words or [], as_json=as_json))
+    raise typer.Exit(check(words, as_json=as_json))
 
 
 @app.command(short_help="Show a policy in a window, a browser or a video.", epilog=describe(PlayConfig))
-def play(
-    words: Words = None, web: Annotated[bool, typer.Option("--web", help="In a browser, in 3-D.")] = False
-) -> None:
+def play(words: Words, web: Annotated[bool, typer.Option("--web", help="In a browser, in 3-D.")] = False) -> None:
     """Show a policy in a window; without a display, or with out=FILE.mp4, write a video.
 
     Example: eureka play env=cartpole policy=random
     """
     from .play import play
 
-    play(words or [], web=web)
+    play(words, web=web)
 
 
 @app.command(short_help="Serve a local page that follows runs and starts new ones.", epilog=describe(PageConfig))
-def ui(words: Words = None) -> None:
+def ui(words: Words) -> None:
     """Serve a local page that lists the runs below a folder (outputs/), follows one, and starts new ones.
 
     Example: eureka ui outputs port=8081
     """
     from .remote import ui
 
-    ui(words or [])
+    ui(words)
 
 
 @app.command(short_help="Print what a language model may know of a task.", epilog=describe(ContextConfig))
-def context(words: Settings = None) -> None:
+def context(words: Settings) -> None:
     """Print what a language model may know of a task: intent, state table, pruned source.
 
     Example: eureka context env=cartpole
     """
     from .tasks import context
 
-    context(words or [])
+    context(words)
 
 
 @app.command(short_help="Draft a task of your own from a model or an environment.", epilog=describe(NewConfig))
-def new(words: Words = None) -> None:
+def new(words: Words) -> None:
     """Draft a task of your own from a MuJoCo model or an environment: it runs as it is, and says what to change.
 
     Example: eureka new hopper.py model=hopper.xml intent="to hop forward as fast as possible"
     """
-    from .tasks import new
+    from .new import new
 
-    new(words or [])
+    new(words)
 
 
 @app.command()
@@ -296,14 +288,14 @@ def fetch() -> None:
 
 
 @app.command(short_help="Say what this machine can do, and what to install.", epilog=describe(DoctorConfig))
-def doctor(words: Settings = None) -> None:
+def doctor(words: Settings) -> None:
     """Say what this machine can do, or each node of a cluster, and what to install where something is missing.
 
     Example: eureka doctor
     """
     from .doctor import doctor
 
-    raise typer.Exit(doctor(words or []))
+    raise typer.Exit(doctor(words))
 
 
 def main(argv: Sequence[str] | None = None) -> None:

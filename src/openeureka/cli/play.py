@@ -59,12 +59,16 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
 def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | str]:
     """What to play: the environment, and a policy file or the name of an agent."""
     agent = config.policy in AGENTS
-    if directory is None and not (config.env if agent else config.policy):
+    if agent and directory is not None:
+        return _trusted(read_config(directory).env, config.env), config.policy
+    if agent and config.env:
+        return config.env, config.policy
+    if directory is not None and config.policy in ("", *_MADE_BY):
+        policy, trained = _of_run(directory, config.policy)
+    elif config.policy and not agent:
+        policy, trained = _read(Path(config.policy))
+    else:
         raise ConfigError("Name what to play: a run directory, policy=FILE, or env=NAME policy=random.")
-    if agent:
-        return _trusted(read_config(directory).env, config.env) if directory else config.env, config.policy
-    of_run = config.policy in ("", *_MADE_BY)
-    policy, trained = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
     return _env_of(trained, config.env), policy
 
 
@@ -96,10 +100,14 @@ def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
     """The other policy of a film."""
-    if wanted and wanted not in (HUMAN, *AGENTS) and not Path(wanted).exists():
+    if not wanted:
+        return None
+    if wanted in AGENTS:
+        return wanted
+    if wanted != HUMAN and not Path(wanted).exists():
         raise ConfigError(f"There is no policy file {wanted}; beside= takes human, random, zero or a policy file.")
     if wanted != HUMAN:
-        return wanted if wanted in AGENTS else _read(Path(wanted))[0] if wanted else None
+        return _read(Path(wanted))[0]
     policy = filming.human(directory) if directory is not None and is_run(directory) else None
     if policy is None:
         raise ConfigError(

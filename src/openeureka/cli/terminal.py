@@ -9,7 +9,7 @@ import select
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 
 from ..config import NO_MODEL, RunConfig, short_name
@@ -43,6 +43,14 @@ def aside() -> Iterator[None]:
             ctypes.CDLL(None).fflush(None)  # what C still holds back would come out on stdout later
             os.dup2(kept, 1)
             os.close(kept)
+
+
+@contextmanager
+def trying_out() -> Iterator[None]:
+    """While a task is tried, which takes minutes where it is slow: a clock for a person at a terminal. Elsewhere stderr
+    holds nothing but what went wrong."""
+    with aside(), working("Trying the task out") if sys.stderr.isatty() else nullcontext():
+        yield
 
 
 class Terminal:
