@@ -167,7 +167,11 @@ def run(
                 continue
             say(f"\nCell {number} of {len(configs)}: {cell.name}")
             try:
-                _finish(config, place, host, say, searched=results[cell] is not None)
+                # A search that was killed at its very end lacks nothing but its report.
+                searched = results[cell] is not None
+                problems = build(place, config.video, config.env) if searched else compose.search(config, place, host)
+                for problem in problems:
+                    say(problem)
             except Interrupted:
                 raise
             except EurekaError as error:
@@ -198,15 +202,6 @@ def _read(cell: Cell, place: Path, failures: dict[str, EurekaError]) -> figures.
     except EurekaError as error:
         failures[cell.name] = error
         return None
-
-
-def _finish(
-    config: RunConfig, place: Path, host: compose.Host, say: Callable[[str], object], *, searched: bool
-) -> None:
-    """Search, or write the report of a search that was killed at its very end."""
-    work = build(place, config.video, config.env) if searched else compose.search(config, place, host)
-    for problem in work:
-        say(problem)
 
 
 def _expect_room(directory: Path) -> None:
