@@ -28,8 +28,8 @@ TOO_LARGE = 1e30
 """Values from here on are left out, like undefined ones: no axis could show them beside others."""
 DIGITS = 5
 """Significant digits of a value; a report holds thousands of values."""
-SPARK = 40
-"""Most points of a curve that is as small as a word."""
+SPARK, SPARK_WIDTH, SPARK_HEIGHT = 40, 80.0, 20.0
+"""Most points of a curve that is as small as a word, and its size [px]."""
 BESIDE = {"human reward": 3, "sparse reward": 2}
 """Colours of the rewards that candidates are compared with; a candidate's own is 0."""
 SHADES = 9
@@ -190,15 +190,16 @@ def _reached(points: Sequence[Point], xs: Iterable[float]) -> list[float | None]
     return [next((value for steps, value in reversed(points) if steps <= place), None) for place in xs]
 
 
-def spark(curve: Curve, width: float = 80.0, height: float = 20.0) -> str:
-    """The points of a polyline in a box of this size [px]; empty for a curve without two defined values."""
+def spark(curve: Curve) -> str:
+    """The points of a polyline as small as a word; empty for a curve without two defined values."""
     kept = [(x, value) for x in _kept(len(curve), SPARK) if (value := _drawable(curve[x])) is not None]
     if len(kept) < 2:
         return ""
     low, high = min(value for _, value in kept), max(value for _, value in kept)
     last, span = kept[-1][0] or 1, (high - low) or 1.0
     return " ".join(
-        f"{1 + x / last * (width - 2):.1f},{height - 1 - (value - low) / span * (height - 2):.1f}" for x, value in kept
+        f"{1 + x / last * (SPARK_WIDTH - 2):.1f},{SPARK_HEIGHT - 1 - (value - low) / span * (SPARK_HEIGHT - 2):.1f}"
+        for x, value in kept
     )
 
 

@@ -137,20 +137,14 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
             f"`{name}` of `{task.env}` has changed since its policy was trained, so the files that deploy it were not "
             "renewed. Undo the change, or train again."
         )
-    listed = yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=110)
     if task.deployment is None:
-        head = _ELSEWHERE if task.acting() else _NOT_SAID
-        return {
-            "policy.onnx": to_onnx(policy, about),
-            "deploy.yaml": (head.format(env=task.env) + listed).encode(),
-        }
-    _expect_same(task)
-    return {
-        "policy.onnx": to_onnx(policy, about),
-        "deploy.yaml": (_HEAD + listed).encode(),
-        **_scene(task),
-        "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),
-    }
+        head, others = (_ELSEWHERE if task.acting() else _NOT_SAID).format(env=task.env), {}
+    else:
+        _expect_same(task)
+        program = files("openeureka.report").joinpath("sim2sim.py").read_bytes()
+        head, others = _HEAD, {**_scene(task), "sim2sim.py": program}
+    listed = yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=110)
+    return {"policy.onnx": to_onnx(policy, about), "deploy.yaml": (head + listed).encode(), **others}
 
 
 def _scene(task: type[Task]) -> dict[str, bytes]:

@@ -280,12 +280,8 @@ def decided(found: Difference | Estimate, claim: str, between: str, unless: str 
         unless: opening of the sentence where it is not.
     """
     opening = claim.replace("{}", "better" if found.value > 0 else "worse") if found.sure else unless
-    return f"{opening}: {between}; {interval(found)}."
-
-
-def interval(found: Difference | Estimate) -> str:
-    """A difference and its ends."""
-    return f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
+    interval = f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
+    return f"{opening}: {between}; {interval}."
 
 
 def _needed(found: Difference) -> str:
