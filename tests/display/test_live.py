@@ -8,6 +8,7 @@ from rich.console import Console
 from openeureka.config import RunConfig
 from openeureka.display import live
 from openeureka.display.live import PlainView, TerminalView, view
+from openeureka.display.tally import Tally
 from openeureka.events import Asked, Began, Checked, Played, Replied
 from openeureka.types import (
     Candidate,
@@ -133,48 +134,48 @@ def test_text_of_a_model_is_printed_as_text(shown):
 def test_the_time_left_is_judged_by_finished_generations(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
-    tally = live.Tally(RunConfig(iteration=3), Usage())
-    tally.begin(Began("sample", 0))
+    tally = Tally(RunConfig(iteration=3), Usage())
+    tally.hear(Began("sample", 0))
     assert tally.remaining() is None
     now[0] = 60.0
-    tally.generation_done(Generation(0, ()))
-    tally.begin(Began("sample", 1))
+    tally.hear(Generation(0, ()))
+    tally.hear(Began("sample", 1))
     now[0] = 70.0
     assert tally.remaining() == 110.0  # two generations of 60 s, of which 10 s have passed
 
 
 def test_a_resumed_run_does_not_time_what_the_store_had():
-    tally = live.Tally(RunConfig(iteration=3), Usage())
-    tally.generation_done(Generation(0, ()))
+    tally = Tally(RunConfig(iteration=3), Usage())
+    tally.hear(Generation(0, ()))
     assert tally.durations == []
 
 
 def test_training_is_not_expected_to_be_shorter_because_the_model_takes_its_time(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
-    tally = live.Tally(RunConfig(iteration=2), Usage())
+    tally = Tally(RunConfig(iteration=2), Usage())
     for name, end in (("sample", 60.0), ("train", 160.0)):
-        tally.begin(Began(name, 0))
+        tally.hear(Began(name, 0))
         now[0] = end
-    tally.generation_done(Generation(0, ()))
-    tally.begin(Began("sample", 1))
+    tally.hear(Generation(0, ()))
+    tally.hear(Began("sample", 1))
     now[0] += 200.0
     assert tally.remaining() == 100.0  # asking is overdue, the 100 s of training are all ahead
-    tally.begin(Began("train", 1))
+    tally.hear(Began("train", 1))
     now[0] += 30.0
     assert tally.remaining() == 70.0
-    tally.begin(Began("final"))
+    tally.hear(Began("final"))
     assert tally.remaining() is None  # nothing tells how long the final trainings take
 
 
 def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
     wanted = RunConfig(env="cartpole", sample=8, iteration=3, tune=16)
-    tally = live.Tally(wanted, Usage())
-    tally.generation_done(Generation(0, ()))
+    tally = Tally(wanted, Usage())
+    tally.hear(Generation(0, ()))
     told = []
     rounds = (Began("check", round=0), Began("train", round=1))
     for began in (Began("train", 2), Began("final"), Began("evaluate"), *rounds, Began("final")):
-        tally.begin(began)
+        tally.hear(began)
         told.append(tally.stage)
     assert told == ["generation 2 (0 to 2)", "final", "final", "round 0 (0 to 3)", "round 1 (0 to 3)", "final"]
     assert tally.remaining() is None

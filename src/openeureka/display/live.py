@@ -9,10 +9,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from ..config import RunConfig, short_name
-from ..events import Asked, Began, Checked, Event, Phase, Played, Replied
+from ..config import RunConfig
+from ..events import Asked, Began, Checked, Event, Played, Replied
 from ..numbers import duration, number, scored, sparkline
-from ..refine.tuned import rounds
 from ..score import Outcome
 from ..text import one_line
 from ..types import (
@@ -27,102 +26,21 @@ from ..types import (
     lane_id,
 )
 from .progress import ProgressLine, by_node, redraws, standard
-
-_PHASES: dict[Phase, str] = {
-    "sample": "asking the model",
-    "check": "checking programs",
-    "train": "training",
-    "play": "playing the policies",
-    "feedback": "waiting for a person",
-    "final": "training the leading rewards again",
-    "polish": "training the best policy further",
-    "evaluate": "scoring on held-out episodes",
-}
-
-
-_PARTS: dict[Phase, str] = {"sample": "ask", "check": "ask", "train": "train"}
-"""The parts that the time of a generation is split into. How long a person takes cannot be foreseen."""
-
-
-class Tally:
-    """What both displays count: phases, times and usage."""
-
-    def __init__(self, config: RunConfig, usage: Usage) -> None:
-        self.config = config
-        self.usage = usage
-        self.generation: int | None = None
-        """The generation under way."""
-        self.stage, self.doing = "", "starting"
-        self.started = time.monotonic()
-        self.durations: list[dict[str, float]] = []
-        """[s] of each generation that this process has finished, by part (see `_PARTS`)."""
-        self._spent: dict[str, float] = {}
-        self._part, self._part_started = "", self.started
-
-    def begin(self, began: Began) -> None:
-        self._clock()
-        if began.generation != self.generation:
-            self.generation, self._spent = began.generation, {}
-        self._part = _PARTS.get(began.phase, "")
-        self.stage, self.doing = self._stage(began), _PHASES[began.phase]
-
-    def _stage(self, began: Began) -> str:
-        """The generation, or the round of a tuning; empty where given rewards train."""
-        if began.generation is not None:
-            return f"generation {began.generation} (0 to {self.config.generations - 1})"
-        if began.round is not None:
-            return f"round {began.round} (0 to {len(rounds(self.config)) - 1})"
-        return "final" if self.config.generations or self.config.tune else ""
-
-    def _clock(self) -> None:
-        """Add the time since the last call to the part that is under way."""
-        now = time.monotonic()
-        self._spent[self._part] = self._spent.get(self._part, 0.0) + now - self._part_started
-        self._part_started = now
-
-    def generation_done(self, generation: Generation) -> str:
-        """One line on a generation. Its times are counted unless it was finished by an earlier process."""
-        if self.doing != "starting":
-            self._clock()
-            self.durations.append(self._spent)
-        best = generation.best
-        return (
-            f"Generation {generation.index}: best F {number(best.score if best else None)}, "
-            f"{generation.trained} of {len(generation.entries)} trained"
-        )
-
-    def remaining(self) -> float | None:
-        """[s] left for the generations, estimated from those done; None before the first is done and after the last.
-
-        Asking and training are estimated apart: a model that takes its time does not make the training shorter.
-        """
-        if not self.durations or self.generation is None:
-            return None
-        self._clock()
-        mean = {part: sum(d.get(part, 0.0) for d in self.durations) / len(self.durations) for part in ("ask", "train")}
-        ahead = ("train",) if self._part == "train" else ("ask", "train")
-        now = sum(max(0.0, mean[part] - self._spent.get(part, 0.0)) for part in ahead)
-        return now + (self.config.generations - self.generation - 1) * sum(mean.values())
-
-    def headline(self) -> str:
-        left = self.remaining()
-        spent = self.usage.prompt_tokens + self.usage.completion_tokens
-        parts = (
-            short_name(self.config.env),
-            self.stage,
-            self.doing,
-            duration(time.monotonic() - self.started),
-            f"about {duration(left)} of search left" if left else "",
-            f"{spent:,} tokens" if self.config.generations else "",
-            f"US$ {self.usage.cost_usd:.4f}" if self.usage.cost_usd else "",
-        )
-        return " · ".join(part for part in parts if part)
+from .tally import Tally
 
 
 def verdict_line(sample: Sample) -> str:
     """`accepted`, or the code and the first finding."""
     first = sample.verdict.findings[0].sentence() if sample.verdict.findings else ""
     return str(sample.verdict.code) + (f": {one_line(first, 80)}" if first else "")
+
+
+def generation_line(generation: Generation) -> str:
+    best = generation.best
+    return (
+        f"Generation {generation.index}: best F {number(best.score if best else None)}, "
+        f"{generation.trained} of {len(generation.entries)} trained"
+    )
 
 
 class PlainView:
@@ -143,16 +61,14 @@ class PlainView:
         self._console.print(Text(text), soft_wrap=True)
 
     def __call__(self, event: Event) -> None:
+        self._tally.hear(event)
         match event:
             case Began():
-                self._tally.begin(event)
                 self._say(self._tally.headline())
                 self._line = ProgressLine(self._console)
             case Asked(slots):
                 wanted = "1 reward" if len(slots) == 1 else f"{len(slots)} rewards"
                 self._say(f"  asked for {wanted}: slot {', '.join(map(str, slots))}")
-            case Replied(reply=reply):
-                self._tally.usage += reply.usage
             case Checked(sample):
                 name = sample.candidate.id if sample.candidate else "-"
                 self._say(f"  slot {sample.slot}, try {sample.attempts}, {name}: {verdict_line(sample)}")
@@ -167,8 +83,8 @@ class PlainView:
                     self._say(f"  {lane}: F {scored(scores[lane])} played")
                 self._played |= scores
             case Generation():
-                self._say(self._tally.generation_done(event))
-            case Outcome():
+                self._say(generation_line(event))
+            case Replied() | Outcome():
                 pass
 
 
@@ -183,6 +99,8 @@ class TerminalView:
 
     def __init__(self, console: Console, config: RunConfig, usage: Usage) -> None:
         self._tally = Tally(config, usage)
+        self._stage = ""
+        """The stage whose rows are shown."""
         self._samples: dict[int, Sample] = {}
         self._places: dict[str, str] = {}
         """The first place of each candidate, by id: people know the candidate by it."""
@@ -205,13 +123,13 @@ class TerminalView:
         self._live.stop()
 
     def __call__(self, event: Event) -> None:
+        self._tally.hear(event)
         match event:
             case Began():
                 self._begin(event)
             case Asked(slots):
                 self._asked = dict.fromkeys(slots, time.monotonic())
-            case Replied(slot=slot, reply=reply):
-                self._tally.usage += reply.usage
+            case Replied(slot=slot):
                 self._asked.pop(slot, None)
                 self._replied.add(slot)
             case Checked(sample):
@@ -224,7 +142,7 @@ class TerminalView:
             case Played(scores):
                 self._played |= scores
             case Generation():  # printed above the table, which has no room for all generations
-                self._live.console.print(Text(self._tally.generation_done(event)))
+                self._live.console.print(Text(generation_line(event)))
                 for entry in event.entries:  # a resumed run has no other event for them
                     self._place(entry.sample)
             case Outcome():
@@ -235,14 +153,13 @@ class TerminalView:
             self._places.setdefault(sample.candidate.id, str(sample.place))
 
     def _begin(self, began: Began) -> None:
-        stage = self._tally.stage
-        self._tally.begin(began)
-        if self._tally.stage != stage or began.phase in ("final", "polish"):
+        if self._tally.stage != self._stage or began.phase in ("final", "polish"):
             self._samples.clear()
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
             self._curves.clear()
+        self._stage = self._tally.stage
         self._epochs, self._nodes = "", ""
         if began.phase == "feedback":
             self._live.stop()  # the person types in the terminal

@@ -18,9 +18,9 @@ from ..errors import StoreError
 from ..events import Asked, Began, Event, Replied
 from ..store import artifacts
 from ..store.db import NOW
-from ..types import Generation, NodeShare, TrainingProgress, Usage
+from ..types import NodeShare, TrainingProgress, Usage
 from ..types.bounds import Count, Finite, Name
-from .live import Tally
+from .tally import Tally
 
 PAUSE = 2.0
 """Least time between two writes while a training goes on [s]."""
@@ -81,23 +81,20 @@ class Recorder:
         self._apart = 1
 
     def __call__(self, event: Event) -> None:
+        self._tally.hear(event)
         match event:
             case Began():
-                self._tally.begin(event)
                 self._asked.clear()
                 self._clear()
                 self._write()
             case Asked(slots):
                 self._asked = set(slots)
                 self._write()
-            case Replied(slot=slot, reply=reply):
-                self._tally.usage += reply.usage
+            case Replied(slot=slot):
                 self._asked.discard(slot)
                 self._write()
             case TrainingProgress():
                 self._follow(event)
-            case Generation():
-                self._tally.generation_done(event)
             case _:
                 pass
 
