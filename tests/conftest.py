@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from lasting import Pool
 
 if TYPE_CHECKING:
     import mujoco
@@ -78,6 +79,19 @@ def compiled_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Task, "compile_model", classmethod(compile_model))
         yield
+
+
+@pytest.fixture(scope="session")
+def training_workers() -> Iterator[Pool]:
+    pool = Pool()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def lasting(training_workers: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trains in workers that other tests have used, for those to which a worker's beginning and end do not matter."""
+    monkeypatch.setattr("openeureka.executors.transport.Worker", training_workers)
 
 
 @pytest.fixture(scope="session")

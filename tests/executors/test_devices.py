@@ -147,6 +147,7 @@ def test_whoever_stops_listening_leaves_no_worker_behind(gpus):
     assert not any(os.path.exists(f"/proc/{pid}") for pid in pids)
 
 
+@pytest.mark.usefixtures("lasting")
 def test_lanes_learn_the_same_in_two_processes_as_in_one():
     specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)

@@ -65,6 +65,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[st
     return {result.lane: dataclasses.replace(result, seconds=0.0) for result in found}
 
 
+@pytest.mark.usefixtures("lasting")
 def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     found = interrupted(monkeypatch, tmp_path / "snapshots")
     assert found == interrupted(monkeypatch, None)  # without snapshots the worker lives
@@ -78,7 +79,7 @@ def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytes
     monkeypatch.setattr(retry, "FAREWELL", retry.LONGEST_FAREWELL)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     specs = [LaneSpec(id="human", program="human"), LaneSpec(id="angle", program=GRAPH, seed=1)]
-    budget = TrainBudget(env_steps=16 * 64 * 40, worlds=64)
+    budget = TrainBudget(env_steps=16 * 64 * 8, worlds=64)
 
     def trained(folder: Path, stop: bool) -> list[TrainingProgress | TrainingResult]:
         messages: list[TrainingProgress | TrainingResult] = []
@@ -101,12 +102,13 @@ def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytes
         assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(expected, seconds=0.0)
 
 
+@pytest.mark.usefixtures("lasting")
 def test_lanes_without_a_result_go_on_alone_from_the_snapshot_of_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """The run was stopped while it stored the results of a population."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
     specs = [LaneSpec(id=f"angle-{seed}", program=GRAPH, seed=seed) for seed in range(3)]
-    budget = TrainBudget(env_steps=16 * 64 * 20, worlds=64)
+    budget = TrainBudget(env_steps=16 * 64 * 5, worlds=64)
 
     def trained(lanes: list[LaneSpec], stop: bool = False) -> tuple[list[int], dict[str, TrainingResult]]:
         epochs, found = list[int](), dict[str, TrainingResult]()
@@ -124,13 +126,13 @@ def test_lanes_without_a_result_go_on_alone_from_the_snapshot_of_all(monkeypatch
     _, first = trained(specs, stop=True)
     assert list(first) == ["angle-0"] and list((tmp_path / "snapshots").glob("*.pt"))
     epochs, rest = trained(specs[1:])
-    assert list(rest) == ["angle-1", "angle-2"] and epochs in ([], [20])  # [20]: from the last epoch
+    assert list(rest) == ["angle-1", "angle-2"] and epochs in ([], [5])  # [5]: from the last epoch
     assert list(tmp_path.iterdir()) == []
     _, whole = trained(specs)
     for lane, result in rest.items():
         assert result.curves.keys() == whole[lane].curves.keys()  # also the parts of components
         assert result.curves["reward"] == pytest.approx(whole[lane].curves["reward"], rel=1e-3)
-        assert result.env_steps == whole[lane].env_steps and len(result.clock) == 20
+        assert result.env_steps == whole[lane].env_steps and len(result.clock) == 5
 
 
 def test_a_state_is_suspect_from_when_a_worker_has_it_until_that_went_on(tmp_path: Path):
@@ -203,6 +205,7 @@ def test_a_snapshot_serves_those_lanes_of_it_that_are_asked_for_alike(tmp_path: 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("lasting")
 def test_training_and_evaluation_in_a_worker_load_no_compiler(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="lean_worker", threads=1)
@@ -215,6 +218,7 @@ def test_training_and_evaluation_in_a_worker_load_no_compiler(monkeypatch: pytes
     assert score.fitness == pytest.approx(score.episode_length)
 
 
+@pytest.mark.usefixtures("lasting")
 def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_another():
     trainer = LocalExecutor(threads=1, max_worlds=64)
     specs = [LaneSpec(id=str(i), program="human", seed=i) for i in range(3)]

@@ -143,6 +143,7 @@ def test_settings_keep_the_whole_path_and_outputs_a_short_name(monkeypatch, tmp_
     assert output_directory("", f"gym:Hopper-v5+description=to hop {'ever ' * 60}higher").is_dir()
 
 
+@pytest.mark.usefixtures("lasting")
 def test_the_training_process_finds_a_task_that_was_named_from_another_directory(monkeypatch, tmp_path):
     monkeypatch.chdir(FILE.parent)
     env = parse(RunConfig, ["env=pendulum.py:Pendulum"]).env

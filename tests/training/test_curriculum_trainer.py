@@ -199,7 +199,7 @@ class TestCurriculumTrainer(TrainerConformance):
     """Two short stages of Cartpole with short episodes."""
 
     env = "cartpole+episode_length=50"
-    budget = TrainBudget(env_steps=4096, worlds=16)
+    budget = TrainBudget(env_steps=2048, worlds=16)
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))
@@ -267,6 +267,7 @@ def test_a_stage_whose_policy_is_gone_or_another_is_trained_again(tmp_path: Path
     assert found["human-s0"].fitness == 10.0 and not found["human-s0"].message
 
 
+@pytest.mark.usefixtures("lasting")
 def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     stages = curriculum.find("shadow_hand_spin", "pen_spinning")
     trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path))

@@ -143,6 +143,7 @@ def test_a_score_that_is_not_defined_counts_nowhere_without_weight(monkeypatch: 
     assert result.state is TrainingState.FINISHED and result.fitness is not None
 
 
+@pytest.mark.usefixtures("lasting")
 def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
     (score,) = evaluate("cartpole", {"a": learnt()}, seed=0, episodes=8, record=["a"], threads=1)
     own = score.recorded
