@@ -1,11 +1,11 @@
 import json
 import os
 import pty
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from toys import eureka
 
 from openeureka.cli.tasks import check, context
 from openeureka.errors import RewardFileError
@@ -21,13 +21,6 @@ BAD = """
 def compute_reward(pole_angel):
     return pole_angel, {}
 """
-
-
-def test_a_good_reward_is_accepted_with_its_components(tmp_path, capsys):
-    (tmp_path / "good.py").write_text(GOOD)
-    assert check(["env=cartpole", f"{tmp_path}/good.py"]) == 0
-    text = capsys.readouterr().out
-    assert "good.py: accepted" in text and "components: upright" in text
 
 
 def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_path, capsys):
@@ -62,18 +55,20 @@ def test_what_a_task_prints_is_no_part_of_the_answer(tmp_path, capfd):
 
 
 @pytest.mark.parametrize("words", ["context env=cartpole", "new cart.py model=cart.xml"])
-def test_a_person_sees_that_a_task_is_tried_and_a_program_does_not(tmp_path, words):
-    person, terminal = pty.openpty()
+def test_a_person_sees_that_a_task_is_tried_and_a_program_does_not(tmp_path, capfd, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TERM", "xterm")
     (tmp_path / "cart.xml").write_text(CART)
-    command = [sys.executable, "-m", "openeureka", *words.split()]
-    environment = {**os.environ, "TERM": "xterm"}
-    seen = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal, env=environment, cwd=tmp_path, check=True)
-    os.close(terminal)
-    assert b"Trying the task out" in os.read(person, 65_536) and seen.stdout.startswith((b"Task: ", b"Wrote cart.py: "))
-    os.close(person)
+    assert eureka(*words.split()) == 0
+    quiet = capfd.readouterr()
+    assert quiet.out.startswith(("Task: ", "Wrote cart.py: ")) and quiet.err == ""
     (tmp_path / "cart.py").unlink(missing_ok=True)
-    quiet = subprocess.run(command, capture_output=True, env=environment, cwd=tmp_path, check=True)
-    assert (quiet.stdout, quiet.stderr) == (seen.stdout, b"")
+    person, terminal = pty.openpty()
+    with monkeypatch.context() as seen, open(terminal, "w") as stderr:
+        seen.setattr(sys, "stderr", stderr)
+        assert eureka(*words.split()) == 0
+    assert b"Trying the task out" in os.read(person, 65_536) and capfd.readouterr().out == quiet.out
+    os.close(person)
 
 
 def test_a_missing_or_binary_file_is_named(tmp_path):
@@ -139,10 +134,12 @@ def test_a_verdict_is_json_for_programs(one_sandbox, tmp_path, capsys):
     assert (found["verdict"], found["findings"][0]["line"]) == ("refused", 2)
 
 
-def test_files_that_lie_around_are_not_imported(tmp_path, monkeypatch, capsys):
+def test_a_good_reward_is_accepted_and_files_that_lie_around_are_not_imported(tmp_path, monkeypatch, capsys):
     (tmp_path / "good.py").write_text(GOOD)
     (tmp_path / "tempfile.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")  # hostile
     (tmp_path / "glob.py").write_text("raise RuntimeError('my own notes on globs')\n")  # innocent
     monkeypatch.chdir(tmp_path)
     assert check(["env=cartpole", "good.py"]) == 0
+    text = capsys.readouterr().out
+    assert "good.py: accepted" in text and "components: upright" in text
     assert not (tmp_path / "mark").exists()
