@@ -125,6 +125,7 @@ def test_every_robot_of_gymnasium_becomes_a_task_that_steps(tmp_path: Path, robo
 
 class Drafted(TaskConformance):
     robot: Path
+    random_worlds = 16
 
     @pytest.fixture(autouse=True, scope="class")
     @classmethod
@@ -160,7 +161,6 @@ class TestDrone(TestOddities):
 
 class TestTable(TestOddities):
     model = TABLE
-    random_worlds = 16
 
 
 def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
@@ -358,7 +358,6 @@ GRIPPER = """
 
 class TestGripper(TestOddities):
     model = GRIPPER.format("")
-    random_worlds = 16
 
 
 def test_joints_sway_within_their_ranges_and_not_where_an_equality_holds_them(tmp_path: Path):

@@ -60,7 +60,7 @@ def test_an_idle_cart_drops_the_pole_in_about_fifty_five_steps():
     env = make("cartpole", worlds=128, threads=1)
     env.reset()
     first = torch.zeros(128)
-    for _ in range(200):
+    while not first.all():
         step = env.step(torch.zeros(128, 1))
         ended = step.done & (first == 0)
         first[ended] = step.episode_length[ended].float()
