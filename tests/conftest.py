@@ -81,6 +81,27 @@ def compiled_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def packages_looked_up_once() -> Iterator[None]:
+    """Keeps the entry points of what is installed. A command looks them up several times, and each time takes
+    milliseconds."""
+    from importlib.metadata import EntryPoints, entry_points
+
+    from openeureka import plugins
+
+    known = dict[tuple[str, ...], EntryPoints]()
+
+    def kept(*, group: str) -> EntryPoints:
+        place = (group, *sys.path)
+        if place not in known:
+            known[place] = entry_points(group=group)
+        return known[place]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plugins, "entry_points", kept)
+        yield
+
+
 @pytest.fixture(scope="session")
 def training_workers() -> Iterator[Pool]:
     pool = Pool()

@@ -37,7 +37,7 @@ apply to it; `imports(name, settings)` tells whether that imports or reads a fil
 
 def names() -> list[str]:
     """Names of every task that can be trained, those of the suite first."""
-    return [*_suite().TASKS, *(point.name for point in entry_points(group="openeureka.tasks"))]
+    return [*_suite().TASKS, *_installed()]
 
 
 def _suite() -> Any:
@@ -129,9 +129,13 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
     return type(task.__name__, (task,), {"__module__": task.__module__, **said, **values})
 
 
+def _installed() -> dict[str, str]:
+    """`pkg.mod:Class` by name, from installed packages; the lookup is slow."""
+    return {point.name: point.value for point in entry_points(group="openeureka.tasks")}
+
+
 def _named(env: str) -> type[Task]:
-    added = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
-    target = env if ":" in env else _suite().TASKS.get(env) or added.get(env)
+    target = env if ":" in env else _suite().TASKS.get(env) or _installed().get(env)
     if env.endswith(".py"):
         target = f"{env}:{_only_task(env)}"
     if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
