@@ -24,7 +24,7 @@ from openeureka.executors.ray import RayExecutor
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
-BRIEF = TrainBudget(env_steps=16 * 32 * 40, worlds=32)
+BRIEF = TrainBudget(env_steps=16 * 32 * 8, worlds=32)
 SIZE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127.0.0.1", "include_dashboard": False}
 QUICK = {
     "health_check_initial_delay_ms": 0,
@@ -131,8 +131,10 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nodes]:
 
 @pytest.fixture(scope="class")
 def undisturbed() -> list[TrainingResult]:
-    lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(5)]
-    trained = LocalExecutor(threads=5).train("cartpole", lanes, BRIEF)
+    """What this machine makes of four lanes, each alone on a core, as they are where three nodes have six places in two
+    rounds."""
+    lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(4)]
+    trained = LocalExecutor(threads=4).train("cartpole", lanes, BRIEF)
     return sorted((plain(m) for m in trained if isinstance(m, TrainingResult)), key=lambda result: result.lane)
 
 
@@ -144,7 +146,7 @@ class TestRayExecutor(TrainerConformance):
     """
 
     env = "cartpole"
-    budget = TrainBudget(env_steps=4096, worlds=16)
+    budget = TrainBudget(env_steps=1024, worlds=16)
 
     test_the_same_lanes_give_the_same_results = None
     test_lanes_that_paused_go_on_to_the_same_end = None
@@ -162,15 +164,6 @@ class TestRayExecutor(TrainerConformance):
 
     def make(self) -> RayExecutor:
         return RayExecutor(threads=1, address=self.nodes.address)
-
-    def test_numbers_are_those_of_this_machine_for_the_same_shares(self) -> None:
-        # Three nodes have six places in two rounds. So each of the four lanes trains alone, as on four cores here.
-        self.nodes.complete()
-        here = LocalExecutor(threads=4).train(self.env, self.lanes(), self.budget)
-        expected = {message.lane: message for message in here if isinstance(message, TrainingResult)}
-        assert {result.lane: plain(result) for result in self._results()} == {
-            name: plain(result) for name, result in expected.items()
-        }
 
     def test_the_doctor_looks_at_each_node(self, capsys: pytest.CaptureFixture[str]) -> None:
         self.nodes.complete()
@@ -200,7 +193,7 @@ class TestRayExecutor(TrainerConformance):
         assert disturbed
         return messages
 
-    @pytest.mark.parametrize("fault", ["worker", "raylet", "hang"])
+    @pytest.mark.parametrize("fault", ["worker", "node"])
     def test_what_a_fault_takes_is_trained_again_to_the_same_rows(
         self, fault: str, tmp_path: Path, undisturbed: list[TrainingResult]
     ) -> None:
@@ -209,14 +202,14 @@ class TestRayExecutor(TrainerConformance):
         def disturb() -> None:
             at_work = {pid: raylet for pid, raylet in self.nodes.shares().items() if raylet in self.nodes.mortal}
             actor, raylet = next(iter(at_work.items()))
-            hurt.extend({"worker": [actor], "raylet": [raylet], "hang": [raylet, actor]}[fault])
-            for pid in hurt:
-                os.kill(pid, signal.SIGSTOP if fault == "hang" else signal.SIGKILL)
+            hurt.extend([actor] if fault == "worker" else [raylet, actor])
+            for pid in hurt:  # to Ray, a node that hangs is one that died, which it notices in another way
+                os.kill(pid, signal.SIGKILL if fault == "worker" else signal.SIGSTOP)
 
         try:
             messages = self.trained(tmp_path, disturb, 3)
         finally:
-            for pid in hurt if fault == "hang" else ():
+            for pid in hurt if fault == "node" else ():
                 os.kill(pid, signal.SIGKILL)
         results = [plain(message) for message in messages if isinstance(message, TrainingResult)]
         assert sorted(results, key=lambda result: result.lane) == undisturbed[:3]
@@ -234,7 +227,7 @@ class TestRayExecutor(TrainerConformance):
                 time.sleep(0.05)
             used.update(self.nodes.shares().values())
 
-        results = [plain(m) for m in self.trained(tmp_path, join, 5) if isinstance(m, TrainingResult)]
+        results = [plain(m) for m in self.trained(tmp_path, join, 4) if isinstance(m, TrainingResult)]
         assert set(joined) <= used
         assert sorted(results, key=lambda result: result.lane) == undisturbed
 
