@@ -17,7 +17,7 @@ import torch
 from . import attempts
 
 TESTS = Path(__file__).parents[1]
-GRAPHS, REPLIES, ROUNDS = 2000, 1000, 4
+GRAPHS, REPLIES, ROUNDS = 2000, 1000, 2
 PROGRAMS, CALLS = 400, 4000
 
 
