@@ -15,7 +15,8 @@ def compute_reward(pole_angle):
     upright = torch.exp(-10.0 * pole_angle**2)
     return upright, {"upright": upright}
 """
-CART = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide" range="-1 1"/><geom size="0.1"/></body></worldbody>
+CART = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide" range="-1 1"/>
+<geom size="0.1"/></body></worldbody>
 <actuator><motor joint="rail" ctrlrange="-1 1"/></actuator></mujoco>"""
 BAD = """
 def compute_reward(pole_angel):
