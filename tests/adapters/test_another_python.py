@@ -38,6 +38,22 @@ def test_its_own_names_and_meanings_are_the_state_table_and_its_reward_is_none_o
     assert known.description.startswith("to stop at a mark") and registry.get(CARTS).episode_length == 40
 
 
+@pytest.mark.parametrize(("name", "other"), [("listed", "poles"), ("listed_several", "several")])
+def test_a_list_of_environments_steps_as_gymnasium_s_own_vector_does(name, other):
+    ours, theirs = (registry.make(f"python:{HERE / 'vectors.py'}:{each}", worlds=3) for each in (name, other))
+    assert ours.task.episode_length == theirs.task.episode_length == (500 if name == "listed" else 1000)
+    assert ours.task.spec.names == theirs.task.spec.names
+    assert ours.reset().tolist() == theirs.reset().tolist()
+    ends = 0
+    for number in range(60):
+        action = torch.eye(ours.task.num_actions)[[0, 1, number % 2]]
+        one, another = ours.step(action), theirs.step(action)
+        assert one.observation.tolist() == another.observation.tolist() and one.done.tolist() == another.done.tolist()
+        assert ours.task.human_reward(one.state).tolist() == theirs.task.human_reward(another.state).tolist()
+        ends += int(one.terminated.sum())
+    assert ends > 5 or name == "listed_several"  # a pole that is pushed one way falls within ten steps
+
+
 def test_a_step_there_is_the_step_by_hand():
     simulation = registry.make(CARTS, worlds=3)
     start = simulation.reset()
@@ -243,7 +259,8 @@ def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
         (f"python:{HERE / 'carts.py'}:Cart", "carts.py has no `Cart`, perhaps `Carts`"),
         (f"python:{HERE / 'nowhere.py'}:Cart", "there is no file "),
         (f"python:{HERE / 'carts.py'}:resets_itself", "autoreset_mode=AutoresetMode.DISABLED"),
-        (f"python:{HERE / 'vectors.py'}:single", "it is a single environment; use env=gym:ID, or return a vector"),
+        (f"python:{HERE / 'vectors.py'}:single", "it is a single environment; return a list of `worlds` of them"),
+        (f"python:{HERE / 'vectors.py'}:old", "or return a list of environments"),
         (
             f"python:{HERE / 'carts.py'}:Alone",
             "its observation has the shape (1, 3); a row for each of 2 worlds",

@@ -46,5 +46,24 @@ def several(worlds, model=3.5):
     return SyncVectorEnv([lambda: Several(model)] * worlds, autoreset_mode=AutoresetMode.DISABLED)
 
 
+def old(worlds):
+    """As before Gymnasium 1.1: it does not say that it resets itself."""
+    env = SyncVectorEnv([Cells] * worlds)
+    env.metadata = {}
+    return env
+
+
+def poles(worlds):
+    return SyncVectorEnv([lambda: gymnasium.make("CartPole-v1")] * worlds, autoreset_mode=AutoresetMode.DISABLED)
+
+
+def listed(worlds):
+    return [gymnasium.make("CartPole-v1") for _ in range(worlds)]
+
+
+def listed_several(worlds):
+    return [Several(3.5) for _ in range(worlds)]
+
+
 def single(worlds):
     return gymnasium.make("CartPole-v1")

@@ -9,7 +9,7 @@ import importlib.util
 import inspect
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ _STEPS = ("max_episode_length", "max_episode_steps", "episode_length")
 
 
 class Vector:
-    """What a factory makes: it has the methods of Gymnasium's vector environments, and resets only when told to.
+    """What a factory makes: it has the methods of Gymnasium's vector environments, and resets only when told to. A list
+    of single environments will do.
 
     `step(actions)` gives observation, reward, terminated, truncated and info; `reset(seed=, options=)` with
     `options["reset_mask"]` gives observation and info. Observations are an array (N, ...), or a dict or tuple of them.
@@ -29,11 +30,15 @@ class Vector:
     seeded = True
 
     def __init__(self, name: str, worlds: int, settings: dict[str, Any]) -> None:
-        self.env = made(name)(worlds, **settings)
+        env = made(name)(worlds, **settings)
+        self.env: Any = Each(env) if isinstance(env, list) else env
         self.worlds, self.begun = worlds, False
-        mode = getattr(self.env, "metadata", {}).get("autoreset_mode") if hasattr(self.env, "metadata") else None
-        if mode is not None and "disabled" not in str(mode).lower():
-            raise ValueError("it resets itself; make it with autoreset_mode=AutoresetMode.DISABLED")
+        mode = (getattr(self.env, "metadata", None) or {}).get("autoreset_mode")
+        old = mode is None and type(self.env).__module__.startswith("gymnasium.vector.")  # before Gymnasium 1.1
+        if old or (mode is not None and "disabled" not in str(mode).lower()):
+            raise ValueError(
+                "it resets itself; make it with autoreset_mode=AutoresetMode.DISABLED, or return a list of environments"
+            )
 
     def about(self) -> dict[str, Any]:
         env, inner = self.env, _inner(self.env)
@@ -43,8 +48,9 @@ class Vector:
         actions = _actions(space, env)
         self.shape, kind = tuple(actions.pop("shape")), getattr(space, "dtype", None)
         self.kind = kind if isinstance(kind, np.dtype) else None
-        spec = getattr(env, "spec", None) or getattr(inner, "spec", None)
-        steps = (getattr(spec, "max_episode_steps", None), *(getattr(env, name, None) for name in _STEPS))
+        limited = [getattr(owner, "spec", None) for owner in (env, *(getattr(env, "envs", None) or ())[:1], inner)]
+        steps = [getattr(spec, "max_episode_steps", None) for spec in limited]
+        steps += [getattr(env, name, None) for name in _STEPS]
         rate = (getattr(env, "metadata", None) or {}).get("render_fps")
         times = [
             getattr(owner, name, None) for owner in (env, inner) for name in ("step_dt", "control_dt", "dt", "tau")
@@ -65,7 +71,9 @@ class Vector:
         except Exception as error:
             if self.begun or not hasattr(self.env, "unwrapped") or hasattr(self.env.unwrapped, "num_envs"):
                 raise
-            raise ValueError("it is a single environment; use env=gym:ID, or return a vector environment") from error
+            raise ValueError(
+                "it is a single environment; return a list of `worlds` of them, or use env=gym:ID"
+            ) from error
         self.begun = True
         return self._parts(observation), self._state(info)
 
@@ -95,6 +103,49 @@ class Vector:
         told = dict(info) if isinstance(info, dict) else {}
         told.update(self.env.state() if callable(getattr(self.env, "state", None)) else {})
         return told
+
+
+class Each:
+    """Single environments of Gymnasium's, of any version, stepped in turn: none resets itself."""
+
+    def __init__(self, envs: list[Any]) -> None:
+        self.envs, (first, *_) = envs, envs
+        self.spec, self.metadata, self.render, self.render_mode = (
+            getattr(first, name, None) for name in ("spec", "metadata", "render", "render_mode")
+        )
+        self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
+        self._seen: list[Any] = [None] * len(envs)
+        self._told: list[Any] = [None] * len(envs)
+
+    def reset(self, seed: list[int], options: dict[str, Any]) -> tuple[Any, ...]:
+        for world in np.flatnonzero(options["reset_mask"]):
+            self._seen[world], self._told[world] = self.envs[world].reset(seed=seed[world])
+        return _stacked(self._seen), _shared(self._told)
+
+    def step(self, actions: np.ndarray) -> tuple[Any, ...]:
+        steps = [env.step(actions[world]) for world, env in enumerate(self.envs)]
+        self._seen, self._told = [step[0] for step in steps], [step[4] for step in steps]
+        rewards, terminated, truncated = (np.array([step[part] for step in steps]) for part in (1, 2, 3))
+        return _stacked(self._seen), rewards, terminated, truncated, _shared(self._told)
+
+
+def _stacked(values: Sequence[Any]) -> Any:
+    """Observations of several environments as one, with a row for each."""
+    first = _inside(values[0])
+    if first is None:
+        return np.stack([np.asarray(value) for value in values])
+    return {key: _stacked([dict(_inside(value) or ())[key] for value in values]) for key, _ in first}
+
+
+def _shared(infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The numbers that every `info` has, always in the same shape."""
+    kinds = (bool, int, float, np.generic, np.ndarray)
+    told: dict[str, list[Any]] = {name: [info.get(name) for info in infos] for name in infos[0]}
+    return {
+        name: np.array(values)
+        for name, values in told.items()
+        if all(isinstance(value, kinds) for value in values) and len({np.shape(value) for value in values}) == 1
+    }
 
 
 def _inside(value: Any) -> list[tuple[str, Any]] | None:
