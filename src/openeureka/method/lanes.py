@@ -108,7 +108,16 @@ class Lanes:
             budget = dataclasses.replace(whole, until=rung.share)
             for group in _alike(due):
                 hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
-                self._listen(self.trainer.train(self.config.env, group, budget), hear)
+                events, event = self.trainer.train(self.config.env, group, budget), None
+                try:
+                    for event in events:
+                        hear(event)
+                except KeyboardInterrupt as stop:
+                    self._hear_out(events, event, hear, stop)
+                    raise
+                finally:
+                    if isinstance(events, Generator):
+                        events.close()  # else whoever keeps the error would keep this, and its workers, at work
             # If all of these rewards are generated, the trainer itself has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -140,25 +149,21 @@ class Lanes:
                 alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
         return {group[0].id: group for group in alike.values()}
 
-    def _listen(self, events: Iterator[TrainingEvent], hear: Callable[[TrainingEvent], None]) -> None:
-        """Hear every event, also results that had arrived when Ctrl-C came between two events, or while the last one
-        was being stored."""
-        last = None
-        try:
-            for last in events:
-                hear(last)
-        except KeyboardInterrupt as stop:
-            if isinstance(last, TrainingResult) and last.lane not in self.store.lanes.results():
-                hear(last)
-            if isinstance(events, Generator):
-                with suppress(StopIteration):
-                    hear(events.throw(stop))
-                    for late in events:
-                        hear(late)
-            raise
-        finally:
-            if isinstance(events, Generator):
-                events.close()  # else whoever keeps the error would keep this, and its workers, at work
+    def _hear_out(
+        self,
+        events: Iterator[TrainingEvent],
+        last: TrainingEvent | None,
+        hear: Callable[[TrainingEvent], None],
+        stop: KeyboardInterrupt,
+    ) -> None:
+        """Keep results that had arrived when Ctrl-C came between two events, or while the last one was being stored."""
+        if isinstance(last, TrainingResult) and last.lane not in self.store.lanes.results():
+            hear(last)
+        if isinstance(events, Generator):
+            with suppress(StopIteration):
+                hear(events.throw(stop))
+                for late in events:
+                    hear(late)
 
     def _hear(self, event: TrainingEvent, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
         """Store an event on the way to rung `number`; failed lanes are left to the caller, to judge them together."""
