@@ -57,12 +57,17 @@ def rows(measured: Mapping[str, Record], plan: Path = PLAN) -> list[list[str]]:
     """One row per task: what decides its row of the table, and what the later search found. Intervals hold together."""
     known, tasks, found = read(table.RESULTS), load(plan).tasks, list[list[str]]()
     for env in (env for env in tasks if env in measured):
-        first, later = table.decided(known[env]), table.decided(measured[env])
-        later |= {"difference": fresh.between(later["human"], later["generated"], claims=len(tasks)), "confirmed": None}
+        first, later = table.decided(known[env]), _decisive(env, measured[env], known)
+        later |= {"difference": fresh.between(later["human"], later["generated"], claims=len(tasks))}
         scores = (spread(row[name]) for row in (first, later) for name in ("generated", "human"))
         ends = interval(*later["difference"], digits=3), table.ending(later), later["crowned"]
         found.append([short_name(env), *scores, *ends])
     return found
+
+
+def _decisive(env: str, row: Record, known: Mapping[str, Record]) -> Record:
+    """The scores that decide a later search, beside those that no training has."""
+    return table.decided(row) | {"confirmed": None, "untrained": known.get(env, {}).get("untrained")}
 
 
 def summary(measured: Mapping[str, Record]) -> str:
@@ -72,9 +77,13 @@ def summary(measured: Mapping[str, Record]) -> str:
 
 def reached(measured: Mapping[str, Record]) -> str:
     """How many of the later searches are at or above the human reward: the end of a sentence."""
-    decisive = [table.decided(row) for row in measured.values()]
-    above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
-    return f"the generated reward is at or above the human one on {above} of {len(decisive)} tasks."
+    known = read(table.RESULTS)
+    decisive = [_decisive(env, row, known) for env, row in measured.items()]
+    learnt = [row for row in decisive if table.ending(row) != "nothing learnt"]
+    above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in learnt)
+    told = f"the generated reward is at or above the human one on {above} of {len(learnt)} tasks"
+    idle = len(decisive) - len(learnt)
+    return f"{told}; on {idle} more neither is shown to do better than no training." if idle else f"{told}."
 
 
 def run(doc: str | None, plan: Path, archive: Path, found: Path) -> None:

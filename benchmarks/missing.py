@@ -28,6 +28,7 @@ import progress
 import prompts
 import table
 import tune
+import untrained
 from records import FOLDER, command_line, read
 
 from openeureka.benchmark.plan import load
@@ -39,6 +40,7 @@ def left() -> Iterator[list[str]]:
     yield from (["measurable.py", "--env", env] for env in measurable.ENVS if env not in known)
     known = read(table.RESULTS)
     yield from (["headline.py", "--env", env] for env in load(table.PLAN).tasks if env not in known)
+    yield from (["untrained.py", "--env", env] for env in untrained.left(known))
     yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
     yield from (["mended.py", "--env", env] for env in mended.left(read(mended.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))

@@ -21,7 +21,7 @@ REWARDS = ARCHIVE / "rewards"
 RESULTS = results("headline")
 
 TITLES = (
-    *("task", "steps", "generated, F held out", "human", "sparse"),
+    *("task", "steps", "generated, F held out", "human", "sparse", "untrained"),
     *("generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
 ENDINGS = {
@@ -29,7 +29,7 @@ ENDINGS = {
     "level": "level with it: no difference shown",
     "worse": "worse",
     "too few seeds": "not decided: three seeds are too few to tell",
-    "both at zero": "not decided: both score zero",
+    "nothing learnt": "not decided: with neither it is shown that policies learn",
     "one seed": "not decided: one seed",
 }
 COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
@@ -45,15 +45,33 @@ def decided(row: Record) -> Record:
     return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
 
 
+def noisy(row: Record) -> bool:
+    """Whether the policies that decide the row play with noise."""
+    return bool(decided(row).get("noisy"))
+
+
+def beginners(row: Record) -> list[float | None]:
+    """F held out by seed of policies that never trained; empty where they did not play as those that decide the row."""
+    found, own = row.get("untrained"), decided(row)
+    alike = found and (found["noisy"], found["seeds"][0]) == (noisy(row), own.get("seeds", [row.get("seed")])[0])
+    return found["scores"] if alike else []
+
+
 def ending(row: Record) -> str:
-    """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
-    row = decided(row)
-    if not any(defined([*row["generated"], *row["human"]])):
-        return "both at zero"
-    if row["difference"] is None:
+    """How a row ends. Where neither reward's policies are shown to do better than untrained ones, a tie is undecided, as
+    it says nothing of either reward.
+    """
+    own, human, untrained = (decided(row)["generated"], decided(row)["human"], beginners(row))
+    if not any(defined([*own, *human])):
+        return "nothing learnt"
+    if (between := decided(row)["difference"]) is None:
         return "one seed"
-    _, low, high = row["difference"]
-    return "better" if low > 0 else "worse" if high < 0 else "level" if decidable(row) else "too few seeds"
+    _, low, high = between
+    if low > 0 or high < 0:
+        return "better" if low > 0 else "worse"
+    if untrained and not any((gain := difference(scores, untrained)) and gain.low > 0 for scores in (own, human)):
+        return "nothing learnt"
+    return "level" if decidable(decided(row)) else "too few seeds"
 
 
 def decidable(row: Record) -> bool:
@@ -80,25 +98,27 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     found: list[list[str]] = []
     for env, row in ordered(measured):
         name, again = short_name(env), row.get("confirmed")
+        untrained = beginners(row)
         first = (
             f"[{name}](../../{reward_file(env).relative_to(ROOT)})",
             f"{row['steps']:,}",
-            *_scores(row, row["sparse"]),
+            *_scores({**row, "confirmed": None}, row["sparse"], untrained if again is None else []),
         )
         found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
             how = " that play with noise" if again.get("noisy") else ""
             title = f"{name}, {len(again['seeds'])} other seeds{how}"
             sparse = [] if again.get("noisy") else row["sparse"]  # it played without noise
-            found.append([title, "", *_scores(again, sparse), ""])
+            own = {**again, "untrained": row.get("untrained")}
+            found.append([title, "", *_scores(own, sparse, untrained), ""])
     return found
 
 
-def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
+def _scores(row: Record, sparse: Sequence[float | None], untrained: Sequence[float | None]) -> tuple[str, ...]:
     between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
     scores = row["generated"], row["human"], sparse
     score = plainly_normalised(*map(mean, scores))
-    return *map(spread, scores), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
+    return *map(spread, (*scores, untrained)), between, ending(row), number(score, 3), number(clipped(score), 3)
 
 
 def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
@@ -108,23 +128,24 @@ def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
 
 
 def gains(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float, float]]:
-    """One row per task whose rewards do not both score zero: how it ended, and the difference and its interval, as
-    shares of the larger F."""
+    """One row per task on which something was learnt: how it ended, and the difference and its interval, as shares of
+    the larger F."""
     found = []
     for name, row in differences(measured):
-        if largest := max(abs(mean(row[name]) or 0.0) for name in ("generated", "human")):
+        if ending(row) != "nothing learnt":
+            largest = max(abs(mean(row[name]) or 0.0) for name in ("generated", "human"))
             value, low, high = (end / largest for end in row["difference"])
             found.append((name, ending(row), value, low, high))
     return found
 
 
 def novelty(measured: Mapping[str, Record]) -> list[tuple[str, str, float, float]]:
-    """One row per task whose rewards do not both score zero: how it ended, correlation with the human reward, and the
+    """One row per task on which something was learnt: how it ended, correlation with the human reward, and the
     difference in units of half its interval: beyond 1 it is decided. Differences without a spread are left out."""
     found = []
     for name, row in differences(measured):
         (value, _, high), how = row["difference"], ending(row)
-        if how != "both at zero" and (high > value or not value):
+        if how != "nothing learnt" and (high > value or not value):
             found.append((name, how, row["correlation_with_human"], value / (high - value) if value else 0.0))
     return found
 
@@ -142,13 +163,14 @@ def summary(measured: Mapping[str, Record]) -> str:
     winner."""
     ends = Counter(map(ending, measured.values()))
     unknown = f" On {ends['one seed']} it is not known, as one seed trained." if ends["one seed"] else ""
-    decisive = [row for row in measured.values() if ending(row) != "both at zero"]
+    decisive = [row for row in measured.values() if ending(row) != "nothing learnt"]
     other = [decided(row) for row in decisive if row.get("confirmed")]
     picked = [row for row in decisive if not row.get("confirmed")]
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
         f"one on {ends['better']} tasks, level on {ends['level']}, worse on {ends['worse']}. Three seeds are too few "
-        f"to tell on {ends['too few seeds']} tasks. Both rewards score zero on {ends['both at zero']}.{unknown}\n"
+        f"to tell on {ends['too few seeds']} tasks. On {ends['nothing learnt']} neither reward is shown to do better "
+        f"than no training.{unknown}\n"
         f"{len(other)} tasks trained again with seeds that chose nothing. There the generated reward's mean is "
         f"{_means(other)}. On {len(picked)} more tasks the same seeds picked the reward and score it. There it is "
         f"{_means(picked)}."
@@ -169,7 +191,7 @@ def data(measured: Mapping[str, Record]) -> list[list[str]]:
 def _data(name: str, row: Record) -> Iterator[list[str]]:
     again = row.get("confirmed") or {"seeds": (), "generated": (), "human": ()}
     crowned, noise = row["crowned"], "yes" if again.get("noisy") else "no"
-    drawn = range(row["seed"], sys.maxsize)
+    drawn, untrained = range(row["seed"], sys.maxsize), beginners(row)
     raced = drawn[1:]  # the seed of the search chose among the generated rewards
     groups = [
         ("race", "no", "generated", crowned, raced, row["generated"]),
@@ -177,6 +199,7 @@ def _data(name: str, row: Record) -> Iterator[list[str]]:
         *(("race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
         ("other", noise, "generated", crowned, again["seeds"], again["generated"]),
         ("other", noise, "human", "", again["seeds"], again["human"]),
+        ("none", noise, "untrained", "", row["untrained"]["seeds"] if untrained else (), untrained),
     ]
     for *kind, seeds, scores in groups:
         for seed, score in zip(seeds, scores, strict=False):

@@ -47,9 +47,31 @@ def test_a_row_ends_as_its_interval_says():
         "worse": row([1.0], [3.0], [-2.0, -3.0, -1.0]),
         "level": row([1.0, 2.0], [2.0, 0.5], [0.25, -1.0, 1.5]),
         "one seed": row([2.0], [1.0], None),
-        "both at zero": row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0]),
+        "nothing learnt": row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0]),
     }
     assert [table.ending(one) for one in found.values()] == list(found)
+
+
+def test_a_tie_of_policies_that_are_no_better_than_untrained_ones_is_no_draw():
+    own = row([0.02, 0.01, 0.03], [0.01, 0.02, 0.02], [0.003, -0.01, 0.02]) | {"seed": 0}
+
+    def ending(untrained: list[float], *, noisy: bool = False, **changed: object) -> str:
+        return table.ending(own | {"untrained": {"seeds": [0, 1, 2], "scores": untrained, "noisy": noisy}} | changed)
+
+    assert table.ending(own) == ending([0.0, 0.0, 0.001]) == "level"
+    assert ending([0.02, 0.01, 0.02]) == "nothing learnt"
+    assert ending([0.02, 0.01, 0.02], human=[0.5, 0.6, 0.7]) == "level", "the human reward's policies learn"
+    assert ending([0.02, 0.01, 0.02], noisy=True) == "level", "they did not play as the row's policies"
+    assert ending([0.02, 0.01, 0.02], difference=[0.003, 0.001, 0.02]) == "better", "one did harm, the other did not"
+    again = {"seeds": [7, 8, 9], "generated": [0.5, 0.6, 0.7], "human": [0.4, 0.6, 0.7], "difference": [0.0, -0.1, 0.1]}
+    later = own | {"confirmed": again | {"noisy": True}}
+    later |= {"untrained": {"seeds": [7, 8, 9], "scores": [0.0, 0.1, 0.2], "noisy": True}}
+    assert table.ending(later) == "level" and table.gains({"ant": later})
+    assert not table.beginners(later | {"confirmed": None}), "the race had other seeds, and so other start states"
+    first, second = table.rows({"ant": later})
+    assert (first[5], second[5]) == ("-", "0.10 ± 0.10")
+    told = {tuple(line[4:]) for line in table.data({"ant": later | {"crowned": "g0s0"}})}
+    assert ("untrained", "", "8", "0.1") in told
 
 
 def test_seeds_that_could_not_decide_are_no_draw():
@@ -80,7 +102,7 @@ def test_a_tie_of_zeros_is_no_draw():
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
     told = table.summary(measured)
     assert "better than the human one on 1 tasks, level on 0, worse on 0." in told
-    assert "too few to tell on 0 tasks. Both rewards score zero on 1." in told
+    assert "too few to tell on 0 tasks. On 1 neither reward is shown to do better than no training." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
     links = [f"[{name}](../../benchmarks/headline/rewards/{name}.py)" for name in ("ant", "shadow_hand_kettle")]
     assert [line[0] for line in table.rows(measured)] == links
