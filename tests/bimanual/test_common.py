@@ -163,9 +163,3 @@ def test_a_moving_bases_turn_is_observed_from_the_start() -> None:
     observed = press(simulation, {5: 1.0}, steps=15)["obs_buf"][0, base]
     # 0.52 rad/s about z for a quarter of a second; twice the sine of half the angle is about the angle.
     assert observed.tolist() == pytest.approx([0.0, 0.0, 0.13], abs=0.02)
-
-
-@pytest.mark.parametrize(("env", "gap"), [("shadow_hand_door_open_inward", 0.5), (DOOR, 0.5), ("shadow_hand_pen", 0.3)])
-def test_f_judges_how_far_apart_handles_are_by_what_rewards_read(env: str, gap: float) -> None:
-    apart = torch.tensor([gap - 0.01, gap + 0.01])
-    assert fresh(env).task.success({"handles_apart": apart}).tolist() == [False, True]

@@ -68,7 +68,7 @@ class Doors(PartedHandles):
     """Offset in the human reward for closing."""
 
     def success(self, s: State) -> Tensor:
-        gap = s["handles_apart"]
+        gap = self.handle_gap(s)
         return gap > GAP if self.opens else gap < GAP
 
     def handle_gap(self, s: State) -> Tensor:

@@ -53,4 +53,4 @@ class ShadowHandPen(PartedHandles):
     )
 
     def success(self, s: State) -> Tensor:
-        return s["handles_apart"] > OFF
+        return self.handle_gap(s) > OFF
