@@ -29,7 +29,7 @@ ENDINGS = {
     "level": "level with it: no difference shown",
     "worse": "worse",
     "too few seeds": "not decided: three seeds are too few to tell",
-    "nothing learnt": "not decided: with neither it is shown that policies learn",
+    "nothing learnt": "not decided: neither is shown to do better than no training",
     "one seed": "not decided: one seed",
 }
 COLUMNS = "task", "steps", "seeds", "noise", "reward", "candidate", "seed", "f_held_out"
@@ -58,20 +58,21 @@ def beginners(row: Record) -> list[float | None]:
 
 
 def ending(row: Record) -> str:
-    """How a row ends. Where neither reward's policies are shown to do better than untrained ones, a tie is undecided, as
-    it says nothing of either reward.
+    """How a row ends. A tie of policies that are not shown to beat untrained ones is undecided: it says nothing of
+    either reward.
     """
-    own, human, untrained = (decided(row)["generated"], decided(row)["human"], beginners(row))
-    if not any(defined([*own, *human])):
+    untrained, row = beginners(row), decided(row)
+    rewards = row["generated"], row["human"]
+    if not any(map(any, map(defined, rewards))):
         return "nothing learnt"
-    if (between := decided(row)["difference"]) is None:
+    if row["difference"] is None:
         return "one seed"
-    _, low, high = between
+    _, low, high = row["difference"]
     if low > 0 or high < 0:
         return "better" if low > 0 else "worse"
-    if untrained and not any((gain := difference(scores, untrained)) and gain.low > 0 for scores in (own, human)):
+    if untrained and not any((gain := difference(scores, untrained)) and gain.low > 0 for scores in rewards):
         return "nothing learnt"
-    return "level" if decidable(decided(row)) else "too few seeds"
+    return "level" if decidable(row) else "too few seeds"
 
 
 def decidable(row: Record) -> bool:
