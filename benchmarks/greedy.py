@@ -18,7 +18,7 @@ from dataclasses import replace
 import fresh
 import headline
 import table
-from records import OUTPUTS, Record, command_line, defined, interval, keep, machine, read, results, write
+from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, write
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
@@ -91,9 +91,7 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 def decisive() -> list[str]:
     """The rows that have something to compare: not both at zero."""
-    known = read(table.RESULTS)
-    scores = {env: [*table.decided(row)["generated"], *table.decided(row)["human"]] for env, row in known.items()}
-    return [env for env, found in scores.items() if any(defined(found))]
+    return [env for env, row in read(table.RESULTS).items() if not table.scoreless(row)]
 
 
 def summary(measured: Mapping[str, Record]) -> str:

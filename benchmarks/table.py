@@ -57,13 +57,18 @@ def beginners(row: Record) -> list[float | None]:
     return found["scores"] if alike else []
 
 
+def scoreless(row: Record) -> bool:
+    """Whether both rewards score zero."""
+    return not any(defined([*decided(row)["generated"], *decided(row)["human"]]))
+
+
 def ending(row: Record) -> str:
     """How a row ends. A tie of policies that are not shown to beat untrained ones is undecided: it says nothing of
     either reward.
     """
     untrained, row = beginners(row), decided(row)
     rewards = row["generated"], row["human"]
-    if not any(map(any, map(defined, rewards))):
+    if scoreless(row):
         return "nothing learnt"
     if row["difference"] is None:
         return "one seed"
