@@ -6,6 +6,8 @@
     python benchmarks/headline.py --again ant  # repeats a row that is known, and says whether it is the same
     python benchmarks/headline.py --confirm 9 --env ant
                                                # nine more seeds of the generated reward and the human one
+    python benchmarks/headline.py --confirm 9 --steps 3e6 --env shadow_hand_kettle
+                                               # the same, trained longer than the row was
 
 A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
 with fresh seeds, and the winner is judged in held-out episodes. What a search found is kept: figures in
@@ -112,25 +114,35 @@ def portable(store: Path) -> bytes:
         return Path(copy).read_bytes()
 
 
-def confirm(env: str, count: int) -> Record:
-    """Train the row's reward and the human one with seeds that chose neither. What `greedy.py` trained is reused."""
+def confirm(env: str, count: int, steps: int = 0) -> Record:
+    """Train the row's reward and the human one with seeds that chose neither. What `greedy.py` trained is reused.
+
+    Args:
+        steps: of each training; 0 means those of the row.
+    """
     run, known = archive(env), read(GREEDY).get(env, {})
     assert run.best is not None
+    longer = {"steps": steps} if steps not in (0, run.config.steps) else {}
     same = known.get("best") == str(run.best.place) and known.get("noisy", False) == fresh.noisy(env)
-    again = same and len(known.get("seeds", ())) == count
+    again = same and len(known.get("seeds", ())) == count and not longer
     rewards = ["human"] if again else ["human", run.best.program.source]
-    trained = fresh.trained(run.config, rewards, CONFIRMED / env, count)
+    directory = CONFIRMED / (f"{env}_{steps}" if longer else env)
+    trained = fresh.trained(replace(run.config, **longer), rewards, directory, count)
     human, generated = (*trained.scores, known["own"]) if again else trained.scores
-    return look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
+    return longer | look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
 
 
-def confirmed(env: str, count: int) -> str:
-    """What other seeds say of a row. They are trained where there are none, or where theirs lack the task's noise."""
+def confirmed(env: str, count: int, steps: int = 0) -> str:
+    """What other seeds say of a row. They are trained where there are none, or where theirs lack the task's noise or
+    some of the steps. Shorter trainings stay in the row, and decide it no more.
+    """
     row = read(table.RESULTS)[env]
     known = row.get("confirmed")
-    if known is None or (not known.get("noisy") and fresh.noisy(env)):
-        known = confirm(env, count)
-        keep(table.RESULTS, env, row | {"confirmed": known})
+    played = known is not None and (known.get("noisy", False) or not fresh.noisy(env))
+    if known is None or not played or steps > known.get("steps", row["steps"]):
+        earlier = {"shorter": [*row.get("shorter", ()), known]} if played else {}
+        known = confirm(env, count, steps)
+        keep(table.RESULTS, env, row | earlier | {"confirmed": known})
     return f"{short_name(env)}, known with {len(known['seeds'])} seeds: {interval(*known['difference'], digits=3)}"
 
 
@@ -202,6 +214,9 @@ if __name__ == "__main__":
     parser.add_argument(
         "--confirm", type=fresh.several, default=0, metavar="SEEDS", help="more seeds for rows that are known"
     )
+    parser.add_argument(
+        "--steps", type=lambda text: int(float(text)), default=0, help="of each of their trainings, if not the row's"
+    )
     options = parser.parse_args()
     whole = load(table.PLAN)
     if options.left:
@@ -213,7 +228,7 @@ if __name__ == "__main__":
         if unknown := [env for env in options.env or () if env not in read(table.RESULTS)]:
             parser.error(f"{unknown[0]} has no row yet: without --confirm it is measured.")
         for env in options.env or read(table.RESULTS):
-            print(confirmed(env, options.confirm), flush=True)
+            print(confirmed(env, options.confirm, options.steps), flush=True)
         print(table.summary(read(table.RESULTS)))
     else:
         for env in options.env or whole.tasks:

@@ -45,6 +45,11 @@ def decided(row: Record) -> Record:
     return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
 
 
+def looks(row: Record) -> list[Record]:
+    """What seeds that chose nothing say of the row: shorter trainings first, those that decide it last."""
+    return [*row.get("shorter", ()), row["confirmed"]] if row.get("confirmed") else []
+
+
 def noisy(row: Record) -> bool:
     """Whether the policies that decide the row play with noise."""
     return bool(decided(row).get("noisy"))
@@ -98,25 +103,25 @@ def ordered(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """One row per task, in the order of the plan. Where its reward trained again, the row below has the seeds that
+    """One row per task, in the order of the plan. Where its reward trained again, rows below have the seeds that
     chose nothing.
     """
     found: list[list[str]] = []
     for env, row in ordered(measured):
-        name, again = short_name(env), row.get("confirmed")
-        untrained = beginners(row)
+        name, untrained, others = short_name(env), beginners(row), looks(row)
         first = (
             f"[{name}](../../{reward_file(env).relative_to(ROOT)})",
             f"{row['steps']:,}",
-            *_scores({**row, "confirmed": None}, row["sparse"], untrained if again is None else []),
+            *_scores({**row, "confirmed": None}, row["sparse"], [] if others else untrained),
         )
         found.append([*first, number(row["correlation_with_human"], 2)])
-        if again is not None:
+        for again in others:
             how = " that play with noise" if again.get("noisy") else ""
             title = f"{name}, {len(again['seeds'])} other seeds{how}"
-            sparse = [] if again.get("noisy") else row["sparse"]  # it played without noise
+            alike = "steps" not in again and not again.get("noisy")  # the sparse reward trained and played as they did
             own = {**again, "untrained": row.get("untrained")}
-            found.append([title, "", *_scores(own, sparse, untrained), ""])
+            scores = _scores(own, row["sparse"] if alike else [], untrained)
+            found.append([title, f"{again['steps']:,}" if "steps" in again else "", *scores, ""])
     return found
 
 
@@ -195,28 +200,30 @@ def data(measured: Mapping[str, Record]) -> list[list[str]]:
 
 
 def _data(name: str, row: Record) -> Iterator[list[str]]:
-    again = row.get("confirmed") or {"seeds": (), "generated": (), "human": ()}
-    crowned, noise = row["crowned"], "yes" if again.get("noisy") else "no"
-    drawn, untrained = range(row["seed"], sys.maxsize), beginners(row)
+    crowned, steps, drawn, untrained = row["crowned"], row["steps"], range(row["seed"], sys.maxsize), beginners(row)
     raced = drawn[1:]  # the seed of the search chose among the generated rewards
     groups = [
-        ("race", "no", "generated", crowned, raced, row["generated"]),
-        *(("race", "no", "runner-up", place, raced, scores) for place, scores in row["runners_up"].items()),
-        *(("race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
-        ("other", noise, "generated", crowned, again["seeds"], again["generated"]),
-        ("other", noise, "human", "", again["seeds"], again["human"]),
-        ("none", noise, "untrained", "", row["untrained"]["seeds"] if untrained else (), untrained),
+        (steps, "race", "no", "generated", crowned, raced, row["generated"]),
+        *((steps, "race", "no", "runner-up", place, raced, scores) for place, scores in row["runners_up"].items()),
+        *((steps, "race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
     ]
-    for *kind, seeds, scores in groups:
+    for again in looks(row):
+        trained, noise, seeds = again.get("steps", steps), "yes" if again.get("noisy") else "no", again["seeds"]
+        groups.append((trained, "other", noise, "generated", crowned, seeds, again["generated"]))
+        groups.append((trained, "other", noise, "human", "", seeds, again["human"]))
+    if untrained:
+        noise, seeds = "yes" if noisy(row) else "no", row["untrained"]["seeds"]
+        groups.append((0, "none", noise, "untrained", "", seeds, untrained))
+    for trained, *kind, seeds, scores in groups:
         for seed, score in zip(seeds, scores, strict=False):
-            yield [name, str(row["steps"]), *kind, str(seed), "" if score is None else repr(score)]
+            yield [name, str(trained), *kind, str(seed), "" if score is None else repr(score)]
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:
     """When the rows were measured, and on what: trainings repeat to the bit only on the same kind of processor."""
-    looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
-    dates = sorted(look["date"] for look in looks)
-    kinds = Counter(map(_processor, looks))
+    every = [look for row in measured.values() for look in (row, *looks(row))]
+    dates = sorted(look["date"] for look in every)
+    kinds = Counter(map(_processor, every))
     each = "".join(f"\n- {kind}: {count}" for kind, count in kinds.most_common())
     when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
     return f"{when} Rows by processor, other seeds a row of their own:\n{each}"

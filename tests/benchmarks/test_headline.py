@@ -12,6 +12,7 @@ from typing import NoReturn
 import headline
 import pytest
 import table
+from records import read, write
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
@@ -123,6 +124,42 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it():
     assert table.gains({"ant": unreached}) == [("ant", "better", 1.0, 0.5, 1.5)], "a win over F 0 has a bar too"
 
 
+def test_the_longest_trainings_decide_a_row_and_shorter_ones_stay_in_the_table():
+    short = {"seeds": [7, 8], "generated": [0.0, 0.0], "human": [0.0, 0.0], "difference": [0.0, 0.0, 0.0]}
+    more = {"generated": [3.0, 4.0], "human": [1.0, 2.0], "difference": [2.0, 0.5, 3.5]}
+    longer = {"steps": 3000, "seeds": [7, 8], **more}
+    own = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0]) | {"crowned": "g0s0", "seed": 0, "shorter": [short]}
+    own |= {"confirmed": longer, "untrained": {"seeds": [7, 8], "noisy": False, "scores": [0.0, 0.0]}}
+    lines = table.rows({"ant": own})
+    assert [(line[1], line[7]) for line in lines] == [
+        ("1,000", "nothing learnt"),
+        ("", "nothing learnt"),
+        ("3,000", "better"),
+    ]
+    assert lines[1][4] == "0" and lines[2][4] == "-", "the sparse reward trained as long as the row, not longer"
+    assert table.ending(own) == "better" and "better than the human one on 1 tasks" in table.summary({"ant": own})
+    told = [tuple(line[1:3]) for line in table.data({"ant": own}) if line[4] == "generated"]
+    assert told == [("1000", "race")] * 2 + [("1000", "other")] * 2 + [("3000", "other")] * 2
+
+
+def test_a_row_that_is_known_trains_again_only_for_more_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    again = {"seeds": [4, 5], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
+    results, asked = tmp_path / "headline.json", list[int]()
+
+    def confirm(env: str, count: int, steps: int) -> dict[str, object]:
+        asked.append(steps)
+        return again | {"steps": steps}
+
+    monkeypatch.setattr(table, "RESULTS", results)
+    monkeypatch.setattr(headline, "confirm", confirm)
+    write(results, {"cartpole": row([1.0], [1.0], None) | {"confirmed": again}})
+    for steps in (0, 1000, 3000, 0, 2000, 9000):
+        headline.confirmed("cartpole", 2, steps)
+    known = read(results)["cartpole"]
+    assert asked == [3000, 9000] and known["confirmed"]["steps"] == 9000
+    assert known["shorter"] == [again, again | {"steps": 3000}], "what was measured is kept"
+
+
 def test_a_row_whose_policies_played_without_noise_cannot_be_repeated():
     with pytest.raises(SystemExit, match="without noise.* benchmarks/headline/rewards/shadow_hand_switch.py"):
         headline.repeat(load(table.PLAN), "shadow_hand_switch")
@@ -138,6 +175,7 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: py
     )
     again = headline.confirm("cartpole", 2)
     assert again["seeds"] == [4, 5], "the search trained with 0, its final trainings with 1 to 3"
+    assert "steps" not in again, "those of the row"
     assert len(again["generated"]) == len(again["human"]) == 2 and again["difference"]
     assert (tmp_path / "cartpole").is_dir()
     assert "noisy" not in again and "noisy" in headline.look(
