@@ -76,7 +76,8 @@ def run(
     tuned = tuning.tune_winner(lanes, checker, winner) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
-    outcome = race.outcome(config, history, store.crown(), store.lanes.results(), store.lanes.evaluations())
+    log = store.lanes
+    outcome = race.outcome(config, history, store.crown(), log.results(), log.evaluations(), log.tryouts())
     store.end(outcome.word)
     tell(outcome)
     return outcome

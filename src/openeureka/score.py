@@ -175,6 +175,8 @@ class Outcome:
     sparse: SeedScores = SeedScores()
     rivals: Mapping[Place, SeedScores] = field(default_factory=dict[Place, SeedScores])
     """The other rewards that the best was confirmed against."""
+    untrained: tuple[float, ...] = ()
+    """Held-out F of policies that never trained, a value per seed; older versions played at most one."""
     share: float = 1.0
     """Share of the race's error probability that belongs to the look at which it stopped: see `stats.spent`."""
     correlation: float | None = None
@@ -202,11 +204,19 @@ class Outcome:
         return len({*own.held_out, *human.held_out}) == 1 and min(len(own.scores), len(human.scores)) > 1
 
     @property
+    def learnt(self) -> bool:
+        """Whether policies of either reward are shown to be better than untrained ones, or too few are known to say."""
+        gains = [difference(own.scores, self.untrained) for own in (self.method, self.human)]
+        return None in gains or any(gain is not None and gain.low > 0 for gain in gains)
+
+    @property
     def word(self) -> Word:
         """The verdict in a word; empty where either reward has no held-out score."""
         if not (self.method.scores and self.human.scores):
             return ""
         found = self.difference
-        if found is None or not found.sure:
-            return "no difference" if self.same else "not decided"
-        return "better" if found.value > 0 else "worse"
+        if found is not None and found.sure:
+            return "better" if found.value > 0 else "worse"
+        if not self.learnt:
+            return "nothing learnt"
+        return "no difference" if self.same else "not decided"

@@ -8,7 +8,7 @@ import pytest
 
 from openeureka.method import hacking
 from openeureka.method.hacking import UNTRAINED, WORLDS, Kind, Tried
-from openeureka.types import NOMINAL, Checkpoint, Evaluation, TrainingResult, TrainingState
+from openeureka.types import NOMINAL, Checkpoint, Evaluation, Peak, TrainingResult, TrainingState
 
 
 def score(fitness: float | None, *, error: float = 0.1, concentration: float | None = 0.05) -> Evaluation:
@@ -176,14 +176,21 @@ def test_a_policy_that_breaks_the_physics_in_more_than_one_episode_of_a_hundred_
 
 def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
     late = dataclasses.replace(RESULT, lane="a-s2", best_fitness=peak(4))  # F and the own reward peak together
-    tryouts = hacking.tryouts({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})
+    peaks: dict[str, Peak] = {"a-s1": "reward", "a-s2": "reward"}
+    tryouts = hacking.tryouts({"a-s1": RESULT, "a-s2": late}, "a-s2", 2, peaks)
     assert [(t.lane, t.name, t.peak) for t in tryouts] == [
         ("a-s1", "peak of F", "fitness"),
         *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),
-        ("a-s2", "untrained", "reward"),
+        *(("a-s2", name, "reward") for name in hacking.BEGINNERS),
     ]
     assert [(t.dynamics.mass, t.dynamics.friction) for t in tryouts[1:5]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
-    assert [t.name for t in tryouts if t.untrained] == ["untrained"] and tryouts[-1].dynamics == NOMINAL
+    assert [t.untrained for t in tryouts[5:]] == [2, 3, 4, 5, 6, 7], "first the seed of the kept policy"
+    assert all(t.untrained is None for t in tryouts[:5]) and all(t.dynamics == NOMINAL for t in tryouts[5:])
+
+
+def test_f_of_untrained_policies_is_read_by_name() -> None:
+    known = {UNTRAINED: score(1.0), "untrained 2": score(None), "untrained 4": score(3.0), "mass +10 %": score(9.0)}
+    assert hacking.untrained(known) == [1.0, 3.0] and hacking.untrained({}) == []
 
 
 def test_the_score_of_the_policy_that_is_judged_stands_for_its_peak() -> None:

@@ -263,5 +263,6 @@ def test_who_raced_stays_whatever_plays_afterwards(tmp_path: Path) -> None:
         better = {spec(8, 0): Evaluation(lane=spec(8, 0), fitness=99.0, episode_length=1.0, episodes=9, error=0.1)}
         history = history.rescored(better)
         assert [entry.sample.place for entry in race.contenders(history)] == [Place(0, 1)]
-        after = race.outcome(store.config, history, store.crown(), lanes.results(), lanes.evaluations())
+        known = lanes.results(), lanes.evaluations(), lanes.tryouts()
+        after = race.outcome(store.config, history, store.crown(), *known)
     assert after.rivals == before.rivals and after.difference == before.difference

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from openeureka.cli.show import summary
+from openeureka.method import hacking
 from openeureka.numbers import number
 from openeureka.report import html
 from openeureka.report.tables import measures, on_scale
@@ -112,6 +113,43 @@ def test_what_to_type_next_names_the_seeds_that_would_decide(
 def test_a_chance_to_decide_is_told_where_two_seeds_say_how_far_seeds_differ() -> None:
     assert nexts(ended([40.0, 42.0], [39.0, 41.0]))[0][1] == "an even chance to decide it"
     assert nexts(ended([41.0], [40.0]))[0][1] == "train both with more seeds"
+
+
+@pytest.mark.parametrize(
+    ("generated", "human", "untrained", "learnt"),
+    [
+        ([40.0, 42.0, 41.0], [39.0, 41.0, 40.0], [40.5, 41.5], False),
+        ([40.0, 42.0, 41.0], [39.0, 41.0, 40.0], [4.0, 5.0], True),
+        ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0], False),
+        ([1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], False),  # by Fisher, 3 of 3 and 0 of 3 may be chance
+        ([1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.0] * 6, True),
+        ([40.0, 42.0, 41.0], [39.0, 41.0, 40.0], [40.0], True),  # an older version played one, which has no spread
+    ],
+)
+def test_a_tie_of_policies_that_are_no_better_than_untrained_ones_asks_for_longer_trainings(
+    generated: list[float], human: list[float], untrained: list[float], learnt: bool
+) -> None:
+    view = ended(generated, human)
+    beginners = {
+        name: Evaluation(lane="", fitness=value, episode_length=9.0, episodes=4)
+        for name, value in zip(hacking.BEGINNERS, untrained, strict=False)
+    }
+    view = replace(view, tryouts={f"{Candidate.of(BEST).id}-s1": beginners})
+    assert view.outcome is not None and (view.outcome.word != "nothing learnt") is learnt
+    assert (
+        verdict(view).startswith("Nothing learnt: policies of neither reward are shown to beat untrained ones; F ")
+        is not learnt
+    )
+    longer = replace(view, config=replace(view.config, steps=1000))
+    told = (f"{AGAIN} steps=3000 seed=4 seeds=3", "train both for longer")
+    assert (nexts(longer)[0] == told) is not learnt
+
+
+def test_a_difference_that_is_sure_stays_one_where_both_learn_nothing() -> None:
+    view = ended([39.0, 41.0], [49.0, 51.0])
+    beginner = Evaluation(lane="", fitness=60.0, episode_length=9.0, episodes=4)
+    view = replace(view, tryouts={f"{Candidate.of(BEST).id}-s1": dict.fromkeys(hacking.BEGINNERS, beginner)})
+    assert verdict(view).startswith("The generated reward is worse than the human one")
 
 
 def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_decides() -> None:

@@ -44,14 +44,14 @@ def signs() -> dict[str, tuple[Sign, ...]]:
         for spec, result in results.items()
         for tryout in (
             Tryout(lane=spec, name="peak of own reward", peak="reward"),
-            *hacking.tryouts({spec: result}, kept=spec, peaks={spec: "reward"}),
+            *hacking.tryouts({spec: result}, spec, 1, {spec: "reward"}),
         )
     }
     peaks = {(spec, "fitness"): result.best_fitness for spec, result in results.items()}
     peaks |= {(spec, "reward"): result.best_reward for spec, result in results.items()}
     policies = {key: peak.policy for key, tryout in tryouts.items() if (peak := peaks[tryout.lane, tryout.peak])}
     dynamics = {key: tryout.dynamics for key, tryout in tryouts.items()}
-    untrained = {key: 1 for key, tryout in tryouts.items() if tryout.untrained}
+    untrained = {key: seed for key, tryout in tryouts.items() if (seed := tryout.untrained) is not None}
     scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, untrained=untrained, episodes=32, threads=1)
     found: dict[str, dict[str, Evaluation]] = {spec: {} for spec in results}
     for score in scores:

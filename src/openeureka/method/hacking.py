@@ -11,6 +11,7 @@ from enum import StrEnum
 
 from ..numbers import number
 from ..score import ERRORS, breach
+from ..stats import defined
 from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Tryout
 
 DRIFT = 0.2
@@ -31,6 +32,9 @@ WORLDS: Mapping[str, Dynamics] = {
 """The changed worlds that the final policy is tried in."""
 UNTRAINED = "untrained"
 """Name of the tryout in which the policy that the seed begins with plays in the task's own world."""
+BEGINNERS = (UNTRAINED, *(f"{UNTRAINED} {count}" for count in range(2, 7)))
+"""Names of the tryouts of untrained policies. Fewer than six that all fail would not differ for sure from three trained
+ones that all succeed."""
 PEAK_NAMES: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
 """Names of the scores of a training's policies."""
 
@@ -60,16 +64,17 @@ class Tried:
     result: TrainingResult
     held_out: Evaluation
     tryouts: Mapping[str, Evaluation]
-    """Scores by name: those of `WORLDS` and `UNTRAINED` for the policy that the run keeps, and those of `PEAK_NAMES`
+    """Scores by name: those of `WORLDS` and `BEGINNERS` for the policy that the run keeps, and those of `PEAK_NAMES`
     where F and the own reward peak in two policies."""
 
 
-def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Tryout]:
-    """The tryouts that `signs` needs.
+def tryouts(results: Mapping[str, TrainingResult], kept: str, seed: int, peaks: Mapping[str, Peak]) -> list[Tryout]:
+    """The tryouts that `signs` and `untrained` need.
 
     Args:
         results: final trainings of the best reward by lane id.
         kept: the lane whose policy the run keeps; only this one plays in the changed worlds, and untrained.
+        seed: of this lane; the other untrained policies have the seeds that follow.
         peaks: for each lane, the policy that has a held-out score already.
     """
     drifting = [
@@ -80,7 +85,15 @@ def tryouts(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str
         if other != peaks[lane]
     ]
     changed = [Tryout(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
-    return [*drifting, *changed, Tryout(lane=kept, name=UNTRAINED, peak=peaks[kept], untrained=True)]
+    begun = [
+        Tryout(lane=kept, name=name, peak=peaks[kept], untrained=seed + after) for after, name in enumerate(BEGINNERS)
+    ]
+    return [*drifting, *changed, *begun]
+
+
+def untrained(tryouts: Mapping[str, Evaluation]) -> list[float]:
+    """Held-out F of the untrained policies, a value per seed: those of a lane's `tryouts`, by name, that are known."""
+    return defined(tryouts[name].fitness for name in BEGINNERS if name in tryouts)
 
 
 def tried(

@@ -323,7 +323,6 @@ class Lanes:
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         if not playing:
             return
-        records = self.store.lanes.all()
         # Only with `screen=`: other trainers, of a person's own, need not know this argument.
         play = partial(self.trainer.evaluate, record=record) if record else self.trainer.evaluate
         for score in play(
@@ -332,10 +331,10 @@ class Lanes:
             seed=self.config.seed + starts,
             episodes=episodes,
             dynamics={key: asked[key].dynamics for key in playing},
-            untrained={key: records[asked[key].lane].seed for key in playing if asked[key].untrained},
+            untrained={key: seed for key in playing if (seed := asked[key].untrained) is not None},
         ):
             tryout = asked[score.lane]
-            peak = None if tryout.untrained else tryout.peak
+            peak = tryout.peak if tryout.untrained is None else None
             yield tryout, dataclasses.replace(score, lane=tryout.lane, peak=peak)
 
 

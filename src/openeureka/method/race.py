@@ -52,7 +52,7 @@ def conclude(history: History, lanes: Lanes) -> None:
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
     lanes.keep(best, winner)
     if winner is not None:
-        lanes.try_out(hacking.tryouts(own, winner, lanes.counted_peaks(own)))
+        lanes.try_out(hacking.tryouts(own, winner, store.lanes.all()[winner].seed, lanes.counted_peaks(own)))
     if confirmed is None:
         store.save_crown(best.sample.place)
 
@@ -135,9 +135,10 @@ def outcome(
     place: Place | None,
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
+    tryouts: Mapping[str, Mapping[str, Evaluation]],
 ) -> Outcome:
-    """What a search found, by its final trainings (`results`) and held-out `scores` so far, both by lane id; without a
-    crowned reward, none has won."""
+    """What a search found, by its final trainings (`results`), held-out `scores` and `tryouts` so far, all by lane id;
+    without a crowned reward, none has won."""
     best = history.entry(place)
     if best is None:
         return Outcome(best=None)
@@ -152,6 +153,7 @@ def outcome(
         method=by_seed[best.candidate_id],
         human=known.human if known else by_seed["human"],
         sparse=known.sparse if known else by_seed["sparse"],
+        untrained=tuple(score for own in trained for score in hacking.untrained(tryouts.get(own.lane, {}))),
         # Those that raced, and not those that today's scores would choose: lanes that play later may change these.
         rivals={entry.sample.place: by_seed[name] for name, entry in others.items() if lanes[name]},
         share=share(len(trained), config.seeds) if best.played is not None else 1.0,

@@ -92,7 +92,8 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     store.save_hardening(training)
     lanes.tell(Began("evaluate"))
     # A model must not see the scores that judge its ranges. Both sweeps use the same start states, to be compared.
-    untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=True)
+    seed = store.lanes.all()[began.lane].seed
+    untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=seed)
     lanes.try_out([*sweep(began, robot.quantities), untrained], starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: both would compete for the same cores

@@ -22,6 +22,8 @@ WORTH_REPEATING = (*AS_TRAINED, "device", "executor", "address")
 
 FEWEST = 3
 """Fewest seeds that a further training is proposed with."""
+LONGER = 3
+"""How many times the steps a further training is proposed with, where nothing was learnt."""
 
 
 def verdict(run: RunView) -> str:
@@ -129,6 +131,10 @@ def _of_search(run: RunView) -> str:
         lost = "no final training of the human reward left a policy that could be scored"
         without = lost if human.held_out else "there is no human reward to compare with"
         return f"The generated reward reaches F {_mean_of(generated)}, held out; {without}."
+    if outcome.word == "nothing learnt":
+        without = f"{number(mean(outcome.untrained) or 0.0)} untrained ({len(outcome.untrained)} seeds)"
+        scores = f"F {_mean_of(generated)} against {_mean_of(human)}, {without}, held out"
+        return f"Nothing learnt: policies of neither reward are shown to beat untrained ones; {scores}."
     if outcome.same:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_mean_of(generated)} against {_mean_of(human)}, held out"
@@ -211,16 +217,20 @@ def deciding(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     if left is None:
         return []
     found, rewards = left
+    usual = TrainConfig()
+    repeated = {key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)}
     seeds, effect = FEWEST, "train both with more seeds"
-    if found is not None:
+    if run.outcome is not None and run.outcome.word == "nothing learnt":
+        steps = config.steps or max(result.env_steps for result in run.results.values())
+        repeated["steps"], effect = LONGER * steps, "train both for longer"
+    elif found is not None:
         if found.sure or found.seeds is None:
             return []
         seeds, effect = _enough(found.seeds), "an even chance to decide it"
-    usual = TrainConfig()
     settings = {
         "env": config.env,
         "reward": ",".join(rewards),
-        **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
+        **repeated,
         "seed": unused_seed(config),
         "seeds": seeds,
     }

@@ -214,7 +214,7 @@ class RunView:
         """The final comparison; None before all its trainings are done."""
         if self.crown is None:
             return None
-        return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations)
+        return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations, self.tryouts)
 
     @property
     def tried(self) -> tuple[Tried, ...]:

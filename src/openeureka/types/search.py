@@ -14,7 +14,7 @@ from .training import Evaluation, Limits, TrainingResult, TrainingState
 
 Ranks = Literal["played", "training"]
 """Which F ranks candidates: that of their policies when played, or its maximum over training."""
-Word = Literal["", "better", "worse", "not decided", "no difference"]
+Word = Literal["", "better", "worse", "not decided", "nothing learnt", "no difference"]
 """What a search decided about its reward, compared with the human one; empty without scores to compare."""
 
 

@@ -320,8 +320,8 @@ class Tryout:
     peak: Peak
     """Which of the lane's policies plays."""
     dynamics: Dynamics = NOMINAL
-    untrained: bool = False
-    """Whether the policy plays with the weights that the lane's seed begins with, before any training."""
+    untrained: int | None = None
+    """The seed with whose initial weights the policy plays, as before any training; None with its own weights."""
 
 
 @dataclass(frozen=True, slots=True)
