@@ -283,7 +283,7 @@ def test_a_race_of_today_crowns_what_the_table_says(env: str, tmp_path: Path):
         lanes = Lanes(store.config, store, Idle(), nobody, strategy.ranks, strategy.peaks)
         best = race.crown(store.history(), lanes)
         scores = store.lanes.evaluations()
-        ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), scores)
+        ends = race.outcome(config, store.history(), store.crown(), store.lanes.results(), scores, {})
     row = headline.read(table.RESULTS)[env]
     assert best is not None and str(best.sample.place) == row["crowned"]
     assert best.sample.candidate is not None
