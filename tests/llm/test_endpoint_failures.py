@@ -211,7 +211,7 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
 @pytest.mark.parametrize(
     ("bad", "sentence"),
     [
-        (failure(401), "refused the key"),
+        (failure(401), "to a valid one, or, if that is a proxy such as LiteLLM, check the key that it uses."),
         (failure(403, "Country not supported"), "refuses access (Error code: 403 - Country not supported); check what"),
         (failure(404, "your data policy"), "no model `m` for you (Error code: 404 - your data policy); check model="),
         (failure(402, "pay first"), "refuses the request (Error code: 402 - pay first); fix that"),
@@ -219,6 +219,7 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
         ((400, {"error": "9000 tokens are too many"}, {}), "(Error code: 400 - 9000 tokens are too many); fix that"),
         ((402, {"detail": "pay first"}, {}), "(Error code: 402 - pay first); fix that"),
         ((413, "too\nlong", {}), "(Error code: 413 - too long); fix that"),
+        ((400, {"message": "no\n\ngroup m"}, {}), "(Error code: 400 - no group m); fix that"),  # LiteLLM
         ((404, "<html>nothing here</html>", {}), "(Error code: 404); check model="),
         (
             (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),

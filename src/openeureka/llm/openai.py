@@ -40,7 +40,8 @@ _MAY_REFUSE = {500, 501}
 _REFUSED = "{where} refuses the request ({said}); fix that, then resume."
 _REFUSALS = {
     # Without {said}: the endpoint may quote a part of the key.
-    401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.",
+    401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one, or, if that is a proxy "
+    "such as LiteLLM, check the key that it uses.",
     403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
     404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
 }
@@ -368,5 +369,6 @@ def _said(error: openai.APIError) -> str:
     if isinstance(body, list):
         body = "; ".join(f"{part.get('loc')}: {part.get('msg')}" for part in body if isinstance(part, Mapping))
     words = " ".join(body.split()) if isinstance(body, str) else ""
-    known = not words or words.startswith("<") or words in error.message  # `<` begins a web page
-    return error.message if known else f"{error.message} - {words}"
+    message = " ".join(error.message.split())
+    known = not words or words.startswith("<") or words in message  # `<` begins a web page
+    return message if known else f"{message} - {words}"
