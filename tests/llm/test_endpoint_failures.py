@@ -447,9 +447,20 @@ def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come
 
     model = endpoint.model()
     monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", silent)
-    with pytest.raises(ModelError, match="cannot be reached; check base_url"):
+    with pytest.raises(ModelError, match=r"cannot be reached \(no reason given\); check base_url and"):
         sample(model, 1)
     assert model._client.timeout == httpx2.Timeout(600.0, connect=20.0)
+
+
+def test_a_certificate_that_is_not_trusted_is_said_with_what_to_set(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch
+):
+    def distrusts(*_: object, **__: object) -> None:
+        raise httpx2.ConnectError("[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed: self-signed certificate")
+
+    monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", distrusts)
+    sentence = said(endpoint)
+    assert "self-signed certificate); check base_url, or set SSL_CERT_FILE to the certificates" in sentence
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

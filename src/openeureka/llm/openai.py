@@ -278,7 +278,11 @@ class EndpointModel:
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
                 return ModelError(f"The connection to {where} broke off; try again.{self._detour}")
-            return ModelError(f"{where} cannot be reached; check base_url and the network.{self._detour}")
+            cause = " ".join((str(error.__cause__) or "no reason given").split())
+            check = "base_url and the network"
+            if "CERTIFICATE_VERIFY_FAILED" in cause:
+                check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
+            return ModelError(f"{where} cannot be reached ({self._hidden(cause)[:300]}); check {check}.{self._detour}")
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then resume.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
