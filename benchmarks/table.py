@@ -12,7 +12,7 @@ from records import FOLDER, ROOT, Record, defined, interval, results
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
 from openeureka.numbers import number, spread
-from openeureka.score import clipped, plainly_normalised, rank
+from openeureka.score import clipped, learnt, plainly_normalised, rank
 from openeureka.stats import difference, mean, two_valued
 
 PLAN = FOLDER / "plans" / "headline.yaml"
@@ -80,7 +80,7 @@ def ending(row: Record) -> str:
     _, low, high = row["difference"]
     if low > 0 or high < 0:
         return "better" if low > 0 else "worse"
-    if untrained and not any((gain := difference(scores, untrained)) and gain.low > 0 for scores in rewards):
+    if not learnt(rewards, untrained):
         return "nothing learnt"
     return "level" if decidable(row) else "too few seeds"
 

@@ -138,6 +138,13 @@ def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
     return Estimate(value=value, low=value - half, high=value + half, count=count)
 
 
+def learnt(rewards: Iterable[Sequence[float]], untrained: Sequence[float]) -> bool:
+    """Whether policies of any reward are shown to be better than untrained ones, or too few seeds are known to say. All
+    are held-out F, a value per seed."""
+    gains = [difference(own, untrained) for own in rewards]
+    return None in gains or any(gain is not None and gain.low > 0 for gain in gains)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeedScores:
     """Scores of one reward's final trainings, one per seed; None for a seed without one, as after divergence."""
@@ -204,12 +211,6 @@ class Outcome:
         return len({*own.held_out, *human.held_out}) == 1 and min(len(own.scores), len(human.scores)) > 1
 
     @property
-    def learnt(self) -> bool:
-        """Whether policies of either reward are shown to be better than untrained ones, or too few are known to say."""
-        gains = [difference(own.scores, self.untrained) for own in (self.method, self.human)]
-        return None in gains or any(gain is not None and gain.low > 0 for gain in gains)
-
-    @property
     def word(self) -> Word:
         """The verdict in a word; empty where either reward has no held-out score."""
         if not (self.method.scores and self.human.scores):
@@ -217,6 +218,6 @@ class Outcome:
         found = self.difference
         if found is not None and found.sure:
             return "better" if found.value > 0 else "worse"
-        if not self.learnt:
+        if not learnt((self.method.scores, self.human.scores), self.untrained):
             return "nothing learnt"
         return "no difference" if self.same else "not decided"

@@ -92,15 +92,15 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     store.save_hardening(training)
     lanes.tell(Began("evaluate"))
     # A model must not see the scores that judge its ranges. Both sweeps use the same start states, to be compared.
-    seed = store.lanes.all()[began.lane].seed
-    untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=seed)
+    origin = store.lanes.all()[began.lane]
+    untrained = Tryout(lane=began.lane, name=UNTRAINED, peak=began.peak, untrained=origin.seed)
     lanes.try_out([*sweep(began, robot.quantities), untrained], starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: both would compete for the same cores
     # Trained further as before; from scratch, this arm would be the best policy again.
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
-    reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
+    reward, start = origin.reward, Start(began, 0.0) if not training.anew else None
     program = store.rewards.program(reward)
     if program is None:
         raise ConfigError(f"{store.directory} has no program of the reward {reward}.")
