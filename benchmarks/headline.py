@@ -30,7 +30,7 @@ from tempfile import TemporaryDirectory
 import fresh
 import table
 from ledger import Script
-from records import OUTPUTS, ROOT, Record, command_line, ends, interval, keep, machine, read, results
+from records import OUTPUTS, ROOT, Record, amount, command_line, ends, interval, keep, machine, read, results
 
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
@@ -214,9 +214,7 @@ if __name__ == "__main__":
     parser.add_argument(
         "--confirm", type=fresh.several, default=0, metavar="SEEDS", help="more seeds for rows that are known"
     )
-    parser.add_argument(
-        "--steps", type=lambda text: int(float(text)), default=0, help="of each of their trainings, if not the row's"
-    )
+    parser.add_argument("--steps", type=amount, default=0, help="of each of their trainings, if not the row's")
     options = parser.parse_args()
     whole = load(table.PLAN)
     if options.left:

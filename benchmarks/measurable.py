@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, machine, once, results, show, told
+from records import OUTPUTS, Record, amount, command_line, machine, once, results, show, told
 
 import openeureka
 from openeureka.numbers import spread
@@ -58,9 +58,7 @@ def _row(env: str, found: Record) -> list[str]:
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
-    parser.add_argument(
-        "--steps", type=lambda text: int(float(text)), default=0, help="of each training; 0: the task's own"
-    )
+    parser.add_argument("--steps", type=amount, default=0, help="of each training; 0: the task's own")
     parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
     if options.tiny:

@@ -36,6 +36,11 @@ def command_line(doc: str | None) -> argparse.ArgumentParser:
     return argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
+def amount(text: str) -> int:
+    """A number of steps or the like from a command line, such as `3e6`."""
+    return int(float(text))
+
+
 def results(name: str) -> Path:
     """Where a script writes what it found."""
     return FOLDER / "results" / f"{name}.json"

@@ -20,7 +20,7 @@ from pathlib import Path
 from random import Random
 
 import fresh
-from records import OUTPUTS, Record, command_line, defined, ends, interval, keep, machine, once, read, results
+from records import OUTPUTS, Record, amount, command_line, defined, ends, interval, keep, machine, once, read, results
 from table import PLAN
 from table import RESULTS as HEADLINE
 
@@ -200,7 +200,7 @@ def main() -> None:
     parser.add_argument("--tasks", default=",".join(TASKS), help="separated by commas")
     parser.add_argument("--kinds", default=",".join(KINDS), help="separated by commas")
     for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
-        parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
+        parser.add_argument(f"--{name}", type=amount, default=default)
     parser.add_argument("--confirm", type=fresh.several, default=0, help="fresh seeds for what is known already")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()

@@ -278,11 +278,11 @@ class EndpointModel:
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
                 return ModelError(f"The connection to {where} broke off; try again.{self._detour}")
-            cause = " ".join((str(error.__cause__) or "no reason given").split())
+            cause = str(error.__cause__) or "no reason given"
             check = "base_url and the network"
             if "CERTIFICATE_VERIFY_FAILED" in cause:
                 check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
-            return ModelError(f"{where} cannot be reached ({self._hidden(cause)[:300]}); check {check}.{self._detour}")
+            return ModelError(f"{where} cannot be reached ({self._quoted(cause)}); check {check}.{self._detour}")
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then resume.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
@@ -291,7 +291,7 @@ class EndpointModel:
             target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
             return ModelError(f"{where} redirects requests to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
-        refused = sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300])
+        refused = sentence.format(where=where, model=self.name, said=self._quoted(_said(error)))
         return ModelError(refused + self._detour * (error.status_code == 403))  # proxies send it for local addresses
 
     def _unreadable(self, error: Unreadable) -> ModelError:
@@ -303,9 +303,11 @@ class EndpointModel:
         )
 
     def _busy(self, said: str) -> ModelError:
-        return ModelError(
-            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); resume when it can.{self._detour}"
-        )
+        return ModelError(f"{self._where} cannot answer now ({self._quoted(said)}); resume when it can.{self._detour}")
+
+    def _quoted(self, text: str) -> str:
+        """What an endpoint or the network says, for a sentence: one line, cut short, without the key."""
+        return self._hidden(" ".join(text.split()))[:300]
 
     def _hidden(self, text: str) -> str:
         """The text without the key."""
