@@ -46,8 +46,8 @@ CONFIRMED = OUTPUTS / "headline_confirmed"
 TRAININGS = 20
 """Lanes of a row, about: ten in the search, and three fresh seeds of what races."""
 
-NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
-"""What differs in a repeated search, or is missing there."""
+NOT_REPEATED = ("minutes", "date", "device", "processor", "versions")
+"""What differs in a repeated measurement."""
 
 
 def measure(whole: Plan, env: str) -> None:
@@ -59,20 +59,27 @@ def measure(whole: Plan, env: str) -> None:
 
 
 def repeat(whole: Plan, env: str) -> str:
-    """Search on a task again, and say what is the same: all, on the same kind of processor with the same versions.
+    """Measure a row again, and say what is the same: all, on the same kind of processor with the same versions. Where
+    the search played without noise and policies play with noise today, only the seeds that decide the row train again.
 
     Raises:
-        SystemExit: where policies play with noise today; those of the table played without.
+        SystemExit: where no seeds of the row played as policies do today.
     """
-    if fresh.noisy(env):
+    if any((AGAIN / env).rglob("report.html")):  # a finished one would be taken as it is
+        shutil.rmtree(AGAIN / env)
+    row = read(table.RESULTS)[env]
+    if not fresh.noisy(env):
+        return compared(env, row, search(whole, env, AGAIN / env)[1])
+    known, run = row.get("confirmed") or {}, archive(env)
+    if not known.get("noisy"):
         raise SystemExit(
             f"{env}: this row can't be repeated. Its policies played without noise, and today they play with noise. "
             f"Train its reward instead: {table.reward_file(env).relative_to(ROOT)}"
         )
-    if any((AGAIN / env).glob("*/report.html")):  # a finished one would be taken as it is
-        shutil.rmtree(AGAIN / env)
-    _, again = search(whole, env, AGAIN / env)
-    return compared(env, read(table.RESULTS)[env], again)
+    assert run.best is not None
+    config = replace(run.config, steps=known.get("steps", row["steps"]))
+    trained = fresh.trained(config, ["human", run.best.program.source], AGAIN / env, len(known["seeds"]))
+    return compared(f"{env}, {len(known['seeds'])} other seeds", known, look(trained, *trained.scores))
 
 
 def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
@@ -184,10 +191,10 @@ def outcome(directory: Path, cell: Cell, whole: bench.Bench) -> Record:
 
 def compared(env: str, kept: Record, again: Record) -> str:
     """How a repetition compares with its row: one sentence, or a line per difference."""
-    other = [name for name in kept if name not in NOT_REPEATED and again[name] != kept[name]]
+    other = [name for name in again if name not in NOT_REPEATED and again[name] != kept.get(name)]
     if not other:
         return f"{env}: every number is the same to the bit."
-    lines = [f"  {name}: {again[name]}, the table has {kept[name]}" for name in other]
+    lines = [f"  {name}: {again[name]}, the table has {kept.get(name)}" for name in other]
     where = ", ".join(
         [kept["device"], kept.get("processor", "a processor that nobody wrote down"), str(kept["versions"])]
     )

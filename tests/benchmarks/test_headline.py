@@ -16,6 +16,7 @@ from records import read, write
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
+from openeureka.config import RunConfig
 from openeureka.events import nobody
 from openeureka.llm.replay import archived
 from openeureka.method import race
@@ -161,8 +162,26 @@ def test_a_row_that_is_known_trains_again_only_for_more_steps(monkeypatch: pytes
 
 
 def test_a_row_whose_policies_played_without_noise_cannot_be_repeated():
-    with pytest.raises(SystemExit, match="without noise.* benchmarks/headline/rewards/shadow_hand_switch.py"):
-        headline.repeat(load(table.PLAN), "shadow_hand_switch")
+    with pytest.raises(SystemExit, match="without noise.* benchmarks/headline/rewards/shadow_hand_block_stack.py"):
+        headline.repeat(load(table.PLAN), "shadow_hand_block_stack")
+
+
+def test_a_row_decided_by_seeds_that_play_with_noise_repeats_these(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    env = "shadow_hand_kettle"
+    known = headline.read(table.RESULTS)[env]["confirmed"]
+
+    def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: int) -> headline.fresh.Trained:
+        assert (config.env, config.steps, directory, count) == (env, known["steps"], tmp_path / env, 9)
+        assert rewards == ["human", table.reward_file(env).read_text()]
+        assert not directory.exists(), "else a repetition that is done would be told again"
+        return headline.fresh.Trained(known["seeds"], [known["human"], known["generated"]], noisy=True)
+
+    (tmp_path / env).mkdir()
+    (tmp_path / env / "report.html").touch()
+    monkeypatch.setattr(headline, "AGAIN", tmp_path)
+    monkeypatch.setattr(headline.fresh, "trained", trained)
+    told = headline.repeat(load(table.PLAN), env)
+    assert told == f"{env}, 9 other seeds: every number is the same to the bit."
 
 
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -209,6 +228,7 @@ def test_what_is_left_is_what_is_not_measured():
 def test_a_repetition_is_the_same_or_says_what_is_not():
     kept = {**row([3.0, 4.0], [1.0], None), "minutes": 3.0, "date": "", "device": "2 cores", "versions": {"torch": "2"}}
     later = {**kept, "minutes": 9.0, "date": "later", "device": "4 cores"}
+    kept |= {"confirmed": {"seeds": [7, 8]}, "untrained": {"seeds": [7, 8]}}  # what a search does not measure
     assert headline.compared("ant", kept, later) == "ant: every number is the same to the bit."
     text = headline.compared("ant", kept, {**later, "human": [1.0000001]})
     assert "not the same" in text and "human: [1.0000001], the table has [1.0]" in text and "generated:" not in text
