@@ -88,6 +88,14 @@ def lacking(error: OSError) -> str:
     return ""
 
 
+def told(error: BaseException) -> str:
+    """Kind and text of an error, on one line."""
+    if isinstance(error, SystemExit):
+        return f"sys.exit({error.code!r}) was called; raise an error instead."
+    text = " ".join(str(error).split()).rstrip(".")
+    return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """` Did you mean X?` for the closest known name, or an empty string."""
     match = difflib.get_close_matches(name, list(known), n=1)

@@ -17,7 +17,7 @@ from threading import RLock
 from types import ModuleType
 from typing import Any
 
-from .errors import ConfigError, EurekaError, nearest
+from .errors import ConfigError, EurekaError, nearest, told
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Door:
             found = import_file(file) if file else importlib.import_module(module)
         except (Exception, SystemExit) as error:  # whatever a person's code raises
             raise ConfigError(
-                f"`{self.setting}={value}` cannot be imported: {_told(error)}.{where_to_put(module, error)}"
+                f"`{self.setting}={value}` cannot be imported: {told(error)}{where_to_put(module, error)}"
             ) from error
         if not callable(getattr(found, name, None)):
             makers = [known for known, own in vars(found).items() if callable(own)]
@@ -93,16 +93,10 @@ class Door:
                 raise
             frame = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(frame.filename).name}, line {frame.lineno}"
-            raise ConfigError(
-                f"`{self.setting}={value}` failed when it was called: {_told(error)} ({place})."
-            ) from error
+            raise ConfigError(f"`{self.setting}={value}` failed in {place}: {told(error)}") from error
         if missing := [name for name in self.members if not hasattr(made, name)]:
             raise ConfigError(f"The object that `{self.setting}={value}` makes lacks {', '.join(missing)}.")
         return made
-
-
-def _told(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
 
 
 def where_to_put(module: str, error: BaseException) -> str:

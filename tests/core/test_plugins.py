@@ -106,8 +106,9 @@ def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
         ("nowhere.py:Search", "There is no file {folder}/nowhere.py; search=FILE.py:Name must name an existing file."),
         ("bracket.py", "Name the class or function in bracket.py: search=bracket.py:Name."),
         ("bracket.py:Turnament", "There is no class or function `Turnament` in bracket.py. Did you mean `Tournament`?"),
-        ("ends.py:Search", "`search=ends.py:Search` cannot be imported: SystemExit: 0."),
-        ("fails.py:make", "`search=fails.py:make` failed when it was called: KeyError: 'key' (fails.py, line 2)."),
+        ("ends.py:Search", "`search=ends.py:Search` cannot be imported: sys.exit(0) was called; raise an error"),
+        ("fails.py:make", "`search=fails.py:make` failed in fails.py, line 2: KeyError: 'key'."),
+        ("silent.py:Search", "`search=silent.py:Search` cannot be imported: ValueError."),
         ("broken.py:Search", "`search=broken.py:Search` cannot be imported: ModuleNotFoundError: No module named"),
         (
             "cut.py:Search",
@@ -118,6 +119,7 @@ def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
 def test_what_no_file_holds_is_one_sentence(tmp_path, monkeypatch, value, says):
     (tmp_path / "cut.py").write_text("f(\n")
     (tmp_path / "fails.py").write_text("def make(config):\n    return {}['key']\n")
+    (tmp_path / "silent.py").write_text("raise ValueError\n")
     (tmp_path / "ends.py").write_text("raise SystemExit(0)\n")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as refused:

@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 import torch
 
-from ..errors import EurekaError
+from ..errors import EurekaError, told
 from ..sim.perturb import Perturbed
-from ..tasks.faults import fault, told
+from ..tasks.faults import fault
 from ..worker import Channel
 from .looks import GROUND, HAZE, SEAM, TILE, shown, tile_side
 from .stage import Stage

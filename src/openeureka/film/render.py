@@ -11,9 +11,9 @@ from contextlib import ExitStack
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from ..errors import EurekaError
+from ..errors import EurekaError, told
 from ..opengl import missing, mujoco
-from ..tasks.faults import fault, told
+from ..tasks.faults import fault
 from ..worker import Channel
 from . import mp4
 from .stage import Screen, Stage, draws_itself

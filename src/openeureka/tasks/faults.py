@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..errors import TaskError
+from ..errors import TaskError, told
 from ..plugins import where_to_put
 from ..sim import Simulator
 from ..types import StateSpec
@@ -52,14 +52,6 @@ def _is_of_a_person(module: Mapping[str, Any]) -> bool:
 
 def _is_ours(module: Mapping[str, Any]) -> bool:
     return str(module.get("__name__")).partition(".")[0] == _OURS
-
-
-def told(error: BaseException) -> str:
-    """Kind and text of an error, on one line."""
-    if isinstance(error, SystemExit):
-        return f"sys.exit({error.code!r}) was called; raise an error instead."
-    text = " ".join(str(error).split()).rstrip(".")
-    return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
 
 
 def import_fault(place: str, error: BaseException) -> TaskError:
