@@ -111,8 +111,6 @@ def measure(env: str, seed: int) -> None:
         rewards = programs(env, store)
         dealt = deal(rewards, [seed], "final" if seed else "candidate")
         wanted = [one for one in dealt if one[0].id not in entry.get("lanes", {})]
-        if not wanted:
-            return
         results = lanes.train(wanted)
         replace(lanes, peaks=PEAKS).play(results)
         records: Record = {}
@@ -121,6 +119,7 @@ def measure(env: str, seed: int) -> None:
             judged = {score.lane: score for score in lanes.trainer.evaluate(env, policies, seed=JUDGED)}
             found = _record(results[lane], store.lanes.plays().get(lane, {}), judged)
             records[lane] = {**found, "trained": machine("cpu")}
+        lanes.store.end()
     done = read(RESULTS)  # again: another task may have been measured meanwhile
     known = {**done.get(env, entry).get("lanes", {}), **records}
     write(RESULTS, {**done, env: {"steps": STEPS[env], "recipe": recipe, "lanes": known}})

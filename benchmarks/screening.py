@@ -141,6 +141,7 @@ def trained(env: str) -> Pool:
         for lane, one in episodes.items():
             for name, values in lanes.trainer.rewards(env, own, [one]).items():
                 paid[name][lane] = values
+        lanes.store.end()
         return Pool(scores, own, episodes, paid)
 
 

@@ -1,9 +1,14 @@
 """What a ranking is worth, from the records of lanes."""
 
+from pathlib import Path
 from typing import Any
 
 import choosing
 import pytest
+import screening
+
+from openeureka.store import look
+from openeureka.testing.scripted import ToyTrainer
 
 
 def lane(played: float, held_out: float) -> dict[str, Any]:
@@ -43,3 +48,23 @@ def test_of_rewards_that_play_alike_each_may_be_the_one(measured: dict[str, Any]
 def test_a_task_without_fresh_seeds_has_no_row(measured: dict[str, Any]) -> None:
     lanes = {name: one for name, one in measured["ant"]["lanes"].items() if name.endswith("-s0")}
     assert choosing.fewer({"ant": {"lanes": lanes}}) == []
+
+
+def test_what_is_measured_is_not_repeated_and_its_run_has_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    trainer = ToyTrainer()
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
+    monkeypatch.setattr(choosing, "OUTPUTS", tmp_path)
+    monkeypatch.setattr(choosing, "programs", lambda *_: [("human", "human")])
+    monkeypatch.setattr(choosing, "RESULTS", tmp_path / "choosing.json")
+    for _ in range(2):
+        choosing.measure("ballbalance", 0)
+    assert trainer.trained == ["human-s0"]
+    assert look(tmp_path / "choosing" / "ballbalance")[1].ended
+
+
+def test_a_run_whose_rewards_are_screened_has_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
+    monkeypatch.setattr(screening, "OUTPUTS", tmp_path)
+    monkeypatch.setattr(screening, "graphs", lambda *_: {})
+    screening.trained("ballbalance")
+    assert look(tmp_path / "screening" / "ballbalance")[1].ended
