@@ -26,7 +26,7 @@ from openeureka.testing.conformance.task import TaskConformance
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
-from . import worlds  # noqa: F401  registers its environments
+from . import worlds
 
 STEP = 3
 """Column of `step` in the observation of `Clock`: the keys of a Dict are sorted, and `phase` takes three columns."""
@@ -243,6 +243,12 @@ def test_names_come_from_the_documentation_and_no_word_of_what_counts():
     assert known.state.names[:4] == ("cart_position", "cart_velocity", "pole_angle", "pole_angular_velocity")
     assert known.description.startswith("to balance the pole")
     assert "Push cart to the left" in known.source and "reward" not in known.source.lower()
+
+
+def test_documentation_without_headings_is_not_denied():
+    known = context("gym:Openeureka/Clock-v0+description=to wait")
+    assert worlds.Clock.__doc__
+    assert known.source == "Nothing of it is shown. All that a reward may use is in the state table."
 
 
 def test_a_prompt_speaks_of_seconds_only_where_somebody_says_how_long_a_step_is():

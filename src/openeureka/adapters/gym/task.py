@@ -215,7 +215,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "env": name,
         "description": documents.intent(found.document, found.env),
         "source": documents.told(found.document, {variable.name for variable, _ in listed})
-        or f"{found.env} has none: the table says all there is.",
+        or "Nothing of it is shown. All that a reward may use is in the state table.",  # there may be none
         "score_unit": "share of episodes that succeed" if succeeds else unit,
         "episode_length": found.steps,
         "control_dt": found.dt,
