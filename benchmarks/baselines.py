@@ -7,9 +7,10 @@
 
 The rewards and seeds of a task are lanes of a run such as `eureka train` makes, under `outputs/baselines/`: the same
 command goes on where it was interrupted, and `eureka ui outputs/baselines` shows it.
-`benchmarks/results/baselines.json` is written after each task, and seeds that it holds are not trained again. It is the
-table of docs/reference/baselines.md. The package ships its summary (`src/openeureka/suite/baselines.json`): `eureka
-envs` shows it, and scores read it where the run did not train the human and the sparse reward itself.
+`benchmarks/results/baselines.json` is written after each task, and seeds that it holds are not trained again. Further
+seeds of a task take as many steps. It is the table of docs/reference/baselines.md. The package ships its summary
+(`src/openeureka/suite/baselines.json`): `eureka envs` shows it, and scores read it where the run did not train the
+human and the sparse reward itself.
 """
 
 from __future__ import annotations
@@ -142,8 +143,8 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--reward", action="append", choices=OWN_REWARDS, help="one of the two; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for the recipe's")
-    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
+    parser.add_argument("--steps", type=float, default=0, help="of a lane; 0 for those that --out has, or the recipe's")
+    parser.add_argument("--worlds", type=int, default=0, help="of a lane; 0 as with --steps")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--again", action="store_true", help="begin these tasks anew, also where a lane died")
@@ -153,8 +154,10 @@ def main(words: Sequence[str] | None = None) -> None:
     options = parser.parse_args(words)
     for env in options.env or registry.names():
         found = read(options.out)
-        wanted = settings(env, int(options.steps), options.worlds)
-        entry = {**wanted, "lanes": {}} if options.again else found.get(env, {**wanted, "lanes": {}})
+        known: Record = {} if options.again else found.get(env, {})
+        steps, worlds = int(options.steps) or known.get("env_steps", 0), options.worlds or known.get("worlds", 0)
+        wanted = settings(env, steps, worlds)
+        entry = {**wanted, "lanes": {}, **known}
         if options.again and is_run(options.dir / env):
             shutil.rmtree(options.dir / env)
         others = [key for key in ("env_steps", "worlds") if entry[key] != wanted[key]]

@@ -137,6 +137,15 @@ def test_numbers_of_another_budget_are_not_mixed_in(go):
     assert go("--env", "ant", "--seeds", "1", "--steps", "1e6", "--again") == ["human-s0", "sparse-s0"]
 
 
+def test_further_seeds_take_the_steps_that_the_first_had(go, tmp_path):
+    go("--env", "ant", "--seeds", "1", "--steps", "1e6", "--worlds", "64")
+    assert go("--env", "ant", "--seeds", "2") == ["human-s1", "sparse-s1"]
+    assert json.loads((tmp_path / "all.json").read_text())["ant"]["env_steps"] == 1_000_000
+    go("--env", "ant", "--seeds", "1", "--again")
+    ant = json.loads((tmp_path / "all.json").read_text())["ant"]
+    assert (ant["env_steps"], ant["worlds"]) == (6_000_000, 512)
+
+
 def test_the_package_reads_the_summary(go, tmp_path, monkeypatch):
     go("--env", "ant", "--seeds", "2")
     monkeypatch.setattr(shipped, "_shipped", lambda: json.loads((tmp_path / "shipped.json").read_text()))
