@@ -187,7 +187,7 @@ def run(
         found["parts"][name] = attempt(part, name.split("/")[1], device, sizes, *extra)
         write(out, found)
         print(line(name, found["parts"][name]), flush=True)
-    show(TITLES, rows(found))
+    show(TITLES, *rows(found))
 
 
 if __name__ == "__main__":

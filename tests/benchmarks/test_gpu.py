@@ -43,7 +43,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return called
 
 
-def test_every_kind_of_part_is_run_for_every_task(sizes, fake, tmp_path):
+def test_every_kind_of_part_is_run_for_every_task(sizes, fake, tmp_path, capsys):
     gpu.run("cpu", ["ant", ENV], gpu.KINDS, sizes, tmp_path / "gpu.json", again=False)
     assert fake[:4] == ["parity ant", "parity cartpole", "raw ant", "raw cartpole"]
     of_ant = [call for call in fake if " ant" in call]
@@ -59,6 +59,7 @@ def test_every_kind_of_part_is_run_for_every_task(sizes, fake, tmp_path):
     found = json.loads((tmp_path / "gpu.json").read_text())
     assert found["parts"]["processes/ant/3"]["error"] == "RuntimeError: out of memory"
     assert gpu.rows(found)[0] == ["`ant`", "1,000", "800", "500", "", "", "", ""], "1 lane is measured, 4 and 16 not"
+    assert "\n`ant` | 1,000 | 800 | 500 |" in capsys.readouterr().out
     assert found["machine"]["device"] == "cpu" and found["date"]
 
 
