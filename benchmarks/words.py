@@ -106,6 +106,20 @@ def film() -> None:
     write(KEY, {f"{place:02}": [group, number] for place, (group, number, _) in enumerate(shown)})
 
 
+def films() -> dict[str, tuple[str, int]]:
+    """Film -> group and number of the policy in it.
+
+    Raises:
+        SystemExit: where none was made here.
+    """
+    if not KEY.exists():
+        raise SystemExit(
+            f"{FILMS.relative_to(ROOT)} has no films: move {RESULTS.relative_to(ROOT)} away, "
+            "and `python benchmarks/words.py` trains and films both groups."
+        )
+    return read(KEY)
+
+
 def sheet(pictures: np.ndarray) -> Image.Image:
     """Pictures of a film side by side, in the order of reading."""
     shown = pictures[FROM : FROM + 2 * PICTURES : 2, ::2, ::2]
@@ -115,7 +129,7 @@ def sheet(pictures: np.ndarray) -> Image.Image:
 
 def picture() -> None:
     """The policy of each group whose tilt is in the middle, side by side."""
-    groups, places = read(RESULTS)["groups"], {(group, number): place for place, (group, number) in read(KEY).items()}
+    groups, places = read(RESULTS)["groups"], {(group, number): place for place, (group, number) in films().items()}
     sides = []
     for group, title in GROUPS.items():
         order = sorted(range(len(groups[group])), key=lambda number: groups[group][number]["tilt"])
@@ -134,7 +148,7 @@ def titled(frame: np.ndarray, title: str) -> np.ndarray:
 
 def judge(known: Record, marks: Mapping[str, float]) -> Record:
     """The results with one judge's marks added. Raises SystemExit where a film has none."""
-    key = read(KEY)
+    key = films()
     if set(marks) != set(key):
         raise SystemExit(f"Marks are wanted for the films {', '.join(sorted(key))}, each a number from 0 to 10.")
     for place, (group, number) in key.items():

@@ -34,6 +34,12 @@ def test_marks_are_given_to_the_policies_behind_the_films(key: Path):
         words.judge(known, {"00": 3})
 
 
+def test_without_films_it_is_said_how_to_make_them(key: Path):
+    for asks in (words.picture, lambda: words.judge({}, {"00": 3})):
+        with pytest.raises(SystemExit, match=r"has no films: move benchmarks/results/words.json away"):
+            asks()
+
+
 def test_a_row_is_with_the_words_less_without():
     groups = {"words": [policy(tilt=2.0), policy(tilt=4.0)], "reflection": [policy(tilt=9.0), policy(tilt=11.0)]}
     rows = {row[0]: row[1:] for row in words.rows({"groups": groups})}
