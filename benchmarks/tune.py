@@ -28,9 +28,11 @@ import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.method import race
 from openeureka.numbers import spread
+from openeureka.parsing import short_path
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.reward.weights import weighed, weights
 from openeureka.stats import difference, mean
+from openeureka.store import is_run
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
@@ -113,14 +115,23 @@ def between(own: Record) -> list[float] | None:
 
 
 def confirm(name: str, options: argparse.Namespace) -> Record:
-    """The reward before and after a tuning that is known, both trained with seeds that had no part in it."""
-    task, kind, seed = name.split("/")
-    run = openeureka.open_run(OUTPUTS / "tune" / f"{task}_{kind}_{seed}")
+    """The reward before and after a tuning that is known, both trained with seeds that had no part in it.
+
+    Raises:
+        SystemExit: where its run is not here, which alone has the two texts.
+    """
+    directory = OUTPUTS / "tune" / name.replace("/", "_")
+    if not is_run(directory):
+        raise SystemExit(
+            f"{short_path(directory)}, the run of this tuning, is missing: remove {name} from "
+            f"{short_path(options.out)}, and the same command without --confirm tunes again."
+        )
+    run = openeureka.open_run(directory)
     found, config = run.tuned, run.config
     assert found is not None and found.after
     texts = {trial.name: trial.candidate.source for trial in found.trials}
-    directory = OUTPUTS / "tune" / f"{task}_{kind}_{seed}_confirmed"
-    trained = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm)
+    further = directory.with_name(f"{directory.name}_confirmed")
+    trained = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), further, options.confirm)
     before, after = trained.scores
     return {
         "seeds": trained.seeds,

@@ -85,3 +85,9 @@ def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     assert own["difference"][0] == pytest.approx(mean(own["held_out"]["after"]) - mean(own["held_out"]["before"]))
     _, again = tune.rows({"cartpole/human/0": record})
     assert len(again) == len(tune.TITLES) and again[1] == "human, 3 other seeds"
+
+
+def test_a_tuning_whose_run_is_elsewhere_is_not_confirmed(monkeypatch, tmp_path):
+    monkeypatch.setattr(tune, "OUTPUTS", tmp_path)
+    with pytest.raises(SystemExit, match=r"remove ant/human/0 from .*, and the same command without --confirm"):
+        tune.confirm("ant/human/0", argparse.Namespace(confirm=9, out=tune.RESULTS))
