@@ -2,7 +2,6 @@
 
     python benchmarks/screening.py                         # all tasks; an hour or two on 2 cores
     python benchmarks/screening.py --env ballbalance       # one
-    make docs                                              # what is known, as a table in docs/reference/measurements.md
 
 So many of a strong model's committed rewards train with one seed, each with the task's own steps. Then searches are
 drawn from them: 8 rewards are the first generation, the other 24 are what the model writes next, and `screen=3` picks 8
@@ -23,7 +22,7 @@ from typing import NamedTuple
 
 import choosing
 from ledger import Script, whole
-from records import FOLDER, OUTPUTS, Record, command_line, interval, machine, once, read, results
+from records import FOLDER, OUTPUTS, Record, command_line, interval, machine, once, read, results, show
 
 from openeureka.config import RunConfig
 from openeureka.method import screen
@@ -246,5 +245,6 @@ if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("--env", choices=ENVS, nargs="+", default=list(ENVS))
     for env in parser.parse_args().env:
-        found = once(RESULTS, env, partial(measure, env))
-        print(f"{env}: best {interval(*found['best'], digits=3)}", flush=True)
+        once(RESULTS, env, partial(measure, env))
+    measured = read(RESULTS)
+    show(TITLES, *rows(measured), (summary(measured),))
