@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 
@@ -350,6 +351,22 @@ def test_where_ray_is_missing_the_sentence_says_what_to_install(monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigError, match=r"pip install 'openeureka\[ray\]'"):
         RayExecutor(address="local")
+
+
+def test_where_a_cluster_refuses_the_token_the_sentence_names_the_variable(monkeypatch: pytest.MonkeyPatch):
+    def refused(**_: object) -> None:
+        raise ConnectionError("Failed to connect to Ray cluster at 10.0.0.1:6379")
+
+    ray = SimpleNamespace(
+        is_initialized=lambda: False,
+        init=refused,
+        exceptions=SimpleNamespace(RayError=type("RayError", (Exception,), {})),
+    )
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    with pytest.raises(
+        ConfigError, match=r"no cluster to join at address=10\.0\.0\.1:6379 .*set RAY_AUTH_TOKEN to the token"
+    ):
+        RayExecutor(address="10.0.0.1:6379")
 
 
 def test_it_is_found_by_its_name():

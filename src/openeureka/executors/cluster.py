@@ -78,8 +78,8 @@ def connect(address: str) -> Any:
         except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError) as error:
             said = " ".join(str(error).split())[:300]
             raise ConfigError(
-                f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
-                "write address=local."
+                f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, set "
+                "RAY_AUTH_TOKEN to the token that it was started with, or write address=local."
             ) from None
         _joined = address
     if exposed(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
