@@ -13,13 +13,14 @@ from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.method import baselines
 from openeureka.method.baselines import Baselines
+from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import listed, named
 from openeureka.score import SeedScores
 from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import Lane, RewardGraph, TrainingResult, TrainingState
+from openeureka.types import Lane, LaneSpec, Node, RewardGraph, TrainingResult, TrainingState
 from openeureka.ui import folder, pages
 
 GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)\n    return upright, {}\n"
@@ -278,6 +279,31 @@ def test_a_training_is_shown_by_show_and_on_the_page(toy, tmp_path, capsys):
     run = RunView.read(tmp_path / "out")
     page = str(pages.overview(tmp_path / "out", run) | pages.now(tmp_path / "out", run))
     assert "4 of 4 trainings done" in page and verdict in page
+
+
+@pytest.mark.parametrize(
+    ("worth", "seeds", "says"),
+    [
+        # Held out, both have the F of untrained policies, -1, but for 0.01 a seed.
+        (0.0, 3, "Nothing learnt: policies of no reward are shown to beat untrained ones; F -0.99 (3 seeds) against"),
+        (1.0, 3, "Not decided between human and sparse: F 0.01 (3 seeds) against 0.01 (3 seeds)"),
+        (0.0, 1, "Not decided between human and sparse: F -1 (1 seed) against -1 (1 seed), held out. One seed says"),
+    ],
+)
+def test_rewards_that_taught_nothing_are_told_from_those_that_are_level(
+    toy, tmp_path, capsys, monkeypatch, worth, seeds, says
+):
+    def result(lane: LaneSpec) -> TrainingResult:
+        level = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
+        return ToyTrainer().result(replace(lane, program=level))
+
+    monkeypatch.setattr(toy, "result", result)
+    for _ in range(2):  # untrained policies play once, however often it is called
+        train(["reward=human,sparse", "steps=1000", f"seeds={seeds}", f"dir={tmp_path}/out"])
+    run = RunView.read(tmp_path / "out")
+    assert verdict(run).startswith(says) and run.untrained == [-1.0] * (6 if seeds > 1 else 0)
+    longer = f"eureka train env=cartpole reward=human,sparse steps=3000 seed={seeds + 1} seeds=3"
+    assert (longer in capsys.readouterr().out) is says.startswith("Nothing")
 
 
 def test_a_search_without_a_model_is_no_search(toy, capsys):

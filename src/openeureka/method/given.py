@@ -11,6 +11,7 @@ from ..score import rank
 from ..stats import mean
 from ..store import Store
 from ..types import GIVEN, Candidate, Lane, Reply, RewardProgram, Verdict
+from . import hacking
 from .lanes import Lanes
 from .seeds import Wanted, deal
 
@@ -40,7 +41,8 @@ def keep(store: Store, rewards: Given) -> None:
 def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     """Train the store's given rewards, play their policies and score them on held-out episodes.
 
-    `best/` gets the policy of highest held-out F, of the reward with the highest mean.
+    Untrained policies play too, as they tell whether anything was learnt. `best/` gets the policy of highest held-out
+    F, of the reward with the highest mean.
 
     Args:
         lanes: lanes of the run.
@@ -64,6 +66,9 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     lanes.play(results)
     lanes.tell(Began("evaluate"))
     scores = lanes.evaluate(lanes.counted_peaks(results))
+    first = next((lane for lane in of_given(store) if lane in scores), None)
+    if first is not None and lanes.config.seeds > 1:  # one seed says nothing, however untrained policies play
+        lanes.try_out(hacking.beginners(first, of_given(store)[first].seed, lanes.judged(first).peak))
     fitness = {lane: score.fitness for lane, score in scores.items()}
     by_reward: dict[str, list[str]] = {}
     for lane, record in of_given(store).items():

@@ -85,10 +85,12 @@ def tryouts(results: Mapping[str, TrainingResult], kept: str, seed: int, peaks: 
         if other != peaks[lane]
     ]
     changed = [Tryout(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
-    begun = [
-        Tryout(lane=kept, name=name, peak=peaks[kept], untrained=seed + after) for after, name in enumerate(BEGINNERS)
-    ]
-    return [*drifting, *changed, *begun]
+    return [*drifting, *changed, *beginners(kept, seed, peaks[kept])]
+
+
+def beginners(lane: str, seed: int, peak: Peak) -> list[Tryout]:
+    """The tryouts of untrained policies, which have this seed and those that follow, in place of a lane's policy."""
+    return [Tryout(lane=lane, name=name, peak=peak, untrained=seed + after) for after, name in enumerate(BEGINNERS)]
 
 
 def untrained(tryouts: Mapping[str, Evaluation]) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..config import AS_TRAINED, TrainConfig
 from ..method.prompts import scale
@@ -11,7 +11,7 @@ from ..numbers import number, scored
 from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import SeedScores, breach, rank
+from ..score import SeedScores, breach, learnt, rank
 from ..stats import Difference, Estimate, difference, mean
 from ..tasks import registry
 from ..types import of_components
@@ -37,7 +37,7 @@ def verdict(run: RunView) -> str:
         )
     if run.searched:
         return _of_search(run)
-    return of_tuning(run.tuned) if run.tunes else _of_given(run.given)
+    return of_tuning(run.tuned) if run.tunes else _of_given(run)
 
 
 def of_tuning(found: Tuned | None) -> str:
@@ -87,8 +87,9 @@ def of_polishing(found: Polished) -> str:
     return decided(gain, "The policy that trained further is {}", between) + both
 
 
-def _of_given(rewards: Mapping[str, SeedScores]) -> str:
+def _of_given(run: RunView) -> str:
     """The given reward of highest held-out F, compared with the second."""
+    rewards = run.given
     if not any(own.held_out for own in rewards.values()):
         return "No reward has been trained yet."
     best, *others = _ordered(rewards)
@@ -102,6 +103,9 @@ def _of_given(rewards: Mapping[str, SeedScores]) -> str:
     found = _of_two(rewards, best, second)
     if found is None:
         return f"{undecided}: {between}. One seed says nothing about the next."
+    if not found.sure and _nothing_learnt(run):
+        scores = f"F {_mean_of(rewards[best])} against {_mean_of(rewards[second])}, {_without(run.untrained)}, held out"
+        return f"Nothing learnt: policies of no reward are shown to beat untrained ones; {scores}."
     told = decided(found, f"{best} is {{}} than {second}", between, undecided)
     return told if found.sure else f"{told} {_needed(found)}"
 
@@ -132,8 +136,7 @@ def _of_search(run: RunView) -> str:
         without = lost if human.held_out else "there is no human reward to compare with"
         return f"The generated reward reaches F {_mean_of(generated)}, held out; {without}."
     if outcome.word == "nothing learnt":
-        without = f"{number(mean(outcome.untrained) or 0.0)} untrained ({len(outcome.untrained)} seeds)"
-        scores = f"F {_mean_of(generated)} against {_mean_of(human)}, {without}, held out"
+        scores = f"F {_mean_of(generated)} against {_mean_of(human)}, {_without(outcome.untrained)}, held out"
         return f"Nothing learnt: policies of neither reward are shown to beat untrained ones; {scores}."
     if outcome.same:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
@@ -219,12 +222,14 @@ def deciding(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     found, rewards = left
     usual = TrainConfig()
     repeated = {key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)}
+    if found is not None and found.sure:
+        return []
     seeds, effect = FEWEST, "train both with more seeds"
-    if run.outcome is not None and run.outcome.word == "nothing learnt":
+    if _nothing_learnt(run):
         steps = config.steps or max(result.env_steps for result in run.results.values())
         repeated["steps"], effect = LONGER * steps, "train both for longer"
     elif found is not None:
-        if found.sure or found.seeds is None:
+        if found.seeds is None:
             return []
         seeds, effect = _enough(found.seeds), "an even chance to decide it"
     settings = {
@@ -266,6 +271,17 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
     if not all(rewards[name].scores for name in two):
         return None
     return apart, (file(two[0]), file(two[1]))
+
+
+def _nothing_learnt(run: RunView) -> bool:
+    """Whether policies of no reward are shown to be better than untrained ones. A tuning does not ask."""
+    if run.searched:
+        return run.outcome is not None and run.outcome.word == "nothing learnt"
+    return not run.tunes and not learnt((own.scores for own in run.given.values()), run.untrained)
+
+
+def _without(untrained: Sequence[float]) -> str:
+    return f"{number(mean(untrained) or 0.0)} untrained ({len(untrained)} seeds)"
 
 
 def _mean_of(own: SeedScores) -> str:

@@ -143,6 +143,11 @@ class RunView:
         return {name: SeedScores.of(own, self.results, self.evaluations) for name, own in lanes.items()}
 
     @property
+    def untrained(self) -> list[float]:
+        """Held-out F of policies that never trained, a value per seed."""
+        return [fitness for own in self.tryouts.values() for fitness in hacking.untrained(own)]
+
+    @property
     def noisy(self) -> bool:
         """Whether policies play with the noise of training, because all episodes of the task begin alike."""
         return any(score.noisy for score in self.evaluations.values())
