@@ -148,7 +148,9 @@ class Lanes:
 
     asked: list[str]
     peaks: Any = ()
-    store: Any = field(default_factory=lambda: SimpleNamespace(lanes=SimpleNamespace(policy=no_policy, plays=dict)))
+    store: Any = field(
+        default_factory=lambda: SimpleNamespace(lanes=SimpleNamespace(policy=no_policy, plays=dict), end=lambda: None)
+    )
     trainer: Any = field(default_factory=lambda: SimpleNamespace(evaluate=lambda env, policies, seed: ()))
 
     def train(self, wanted: Iterable[Any]) -> Mapping[str, Any]:
