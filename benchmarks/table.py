@@ -179,9 +179,9 @@ def summary(measured: Mapping[str, Record]) -> str:
     picked = [row for row in decisive if not row.get("confirmed")]
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
-        f"one on {ends['better']} tasks, level on {ends['level']}, worse on {ends['worse']}. Three seeds are too few "
-        f"to tell on {ends['too few seeds']} tasks. On {ends['nothing learnt']} neither reward is shown to do better "
-        f"than no training.{unknown}\n"
+        f"one on {ends['better']} of them, level on {ends['level']}, worse on {ends['worse']}. On "
+        f"{ends['too few seeds']}, three seeds are too few to tell. On {ends['nothing learnt']}, neither reward is "
+        f"shown to do better than no training.{unknown}\n"
         f"{len(other)} tasks trained again with seeds that chose nothing. There the generated reward's mean is "
         f"{_means(other)}. On {len(picked)} more tasks the same seeds picked the reward and score it. There it is "
         f"{_means(picked)}."

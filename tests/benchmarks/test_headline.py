@@ -85,7 +85,7 @@ def test_seeds_that_could_not_decide_are_no_draw():
     assert table.ending(own | rival) == "too few seeds", "any two values count as 0 and 1 do"
     more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
     assert table.ending(own | {"confirmed": more}) == "level"
-    assert "level on 0, worse on 0. Three seeds are too few to tell on 1 tasks" in table.summary({"ant": own})
+    assert "level on 0, worse on 0. On 1, three seeds are too few to tell" in table.summary({"ant": own})
     assert table.endings({"ant": own}) == [
         ("not decided: three seeds are too few to tell", "1"),
         ("not measured yet", str(len(load(table.PLAN).tasks) - 1)),
@@ -103,8 +103,8 @@ def test_a_tie_of_zeros_is_no_draw():
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
     told = table.summary(measured)
-    assert "better than the human one on 1 tasks, level on 0, worse on 0." in told
-    assert "too few to tell on 0 tasks. On 1 neither reward is shown to do better than no training." in told
+    assert "better than the human one on 1 of them, level on 0, worse on 0." in told
+    assert "On 0, three seeds are too few to tell. On 1, neither reward is shown to do better than no training." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
     links = [f"[{name}](../../benchmarks/headline/rewards/{name}.py)" for name in ("ant", "shadow_hand_kettle")]
     assert [line[0] for line in table.rows(measured)] == links
@@ -138,7 +138,7 @@ def test_the_longest_trainings_decide_a_row_and_shorter_ones_stay_in_the_table()
         ("3,000", "better"),
     ]
     assert lines[1][4] == "0" and lines[2][4] == "-", "the sparse reward trained as long as the row, not longer"
-    assert table.ending(own) == "better" and "better than the human one on 1 tasks" in table.summary({"ant": own})
+    assert table.ending(own) == "better" and "better than the human one on 1 of them" in table.summary({"ant": own})
     told = [tuple(line[1:3]) for line in table.data({"ant": own}) if line[4] == "generated"]
     assert told == [("1000", "race")] * 2 + [("1000", "other")] * 2 + [("3000", "other")] * 2
 
