@@ -150,8 +150,9 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--again", action="store_true", help="begin these tasks anew, also where a lane died")
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "baselines", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--shipped", type=Path, default=SHIPPED, help="where the package's summary is written")
+    parser.add_argument("--shipped", type=Path, help="the package's summary; none with another --out")
     options = parser.parse_args(words)
+    shipped = options.shipped or (SHIPPED if options.out == RESULTS else None)
     for env in options.env or registry.names():
         found = read(options.out)
         known: Record = {} if options.again else found.get(env, {})
@@ -176,7 +177,8 @@ def main(words: Sequence[str] | None = None) -> None:
         entry["lanes"] = {name: done[name] for name in sorted(done, key=reward_and_seed)}
         found = dict(sorted({**read(options.out), env: entry}.items()))  # others may have written
         write(options.out, found)
-        write(options.shipped, summary(found))
+        if shipped:
+            write(shipped, summary(found))
         for name, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
             first, best = lane["fitness_at_first"], lane["fitness_max_over_epochs"]

@@ -146,6 +146,17 @@ def test_further_seeds_take_the_steps_that_the_first_had(go, tmp_path):
     assert (ant["env_steps"], ant["worlds"]) == (6_000_000, 512)
 
 
+@pytest.mark.usefixtures("go")
+def test_the_package_s_summary_is_of_the_committed_file_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(baselines, "RESULTS", tmp_path / "committed.json")
+    monkeypatch.setattr(baselines, "SHIPPED", tmp_path / "shipped.json")
+    words = ("--env", "ant", "--seeds", "1", "--dir", str(tmp_path / "runs"))
+    baselines.main([*words, "--out", str(tmp_path / "other.json")])
+    assert (tmp_path / "other.json").exists() and not (tmp_path / "shipped.json").exists()
+    baselines.main(words)
+    assert (tmp_path / "shipped.json").exists()
+
+
 def test_the_package_reads_the_summary(go, tmp_path, monkeypatch):
     go("--env", "ant", "--seeds", "2")
     monkeypatch.setattr(shipped, "_shipped", lambda: json.loads((tmp_path / "shipped.json").read_text()))
