@@ -66,12 +66,13 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     lanes.play(results)
     lanes.tell(Began("evaluate"))
     scores = lanes.evaluate(lanes.counted_peaks(results))
-    first = next((lane for lane in of_given(store) if lane in scores), None)
+    begun = of_given(store)
+    first = next((lane for lane in begun if lane in scores), None)
     if first is not None and lanes.config.seeds > 1:  # one seed says nothing, however untrained policies play
-        lanes.try_out(hacking.beginners(first, of_given(store)[first].seed, lanes.judged(first).peak))
+        lanes.try_out(hacking.beginners(first, begun[first].seed, lanes.judged(first).peak))
     fitness = {lane: score.fitness for lane, score in scores.items()}
     by_reward: dict[str, list[str]] = {}
-    for lane, record in of_given(store).items():
+    for lane, record in begun.items():
         by_reward.setdefault(record.reward, []).append(lane)
     best = max(by_reward, key=lambda name: rank(mean([fitness.get(lane) for lane in by_reward[name]])))
     lane = max(by_reward[best], key=lambda lane: rank(fitness.get(lane)))
