@@ -79,8 +79,9 @@ def repeat(whole: Plan, env: str) -> str:
     assert run.best is not None
     config = replace(run.config, steps=known.get("steps", row["steps"]))
     trained = fresh.trained(config, ["human", run.best.program.source], AGAIN / env, len(known["seeds"]))
-    known |= {"difference": fresh.between(known["human"], known["generated"])}  # as rounded today
-    return compared(f"{env}, {len(known['seeds'])} other seeds", known, look(trained, *trained.scores))
+    human, generated = trained.scores
+    again = {"seeds": trained.seeds, "generated": generated, "human": human}
+    return compared(f"{env}, {len(known['seeds'])} other seeds", known, again)
 
 
 def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
