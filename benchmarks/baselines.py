@@ -26,6 +26,7 @@ from records import (
     PEAKS,
     ROOT,
     Record,
+    amount,
     by_reward,
     command_line,
     machine,
@@ -143,7 +144,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--reward", action="append", choices=OWN_REWARDS, help="one of the two; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--steps", type=float, default=0, help="of a lane; 0 for those that --out has, or the recipe's")
+    parser.add_argument("--steps", type=amount, default=0, help="of a lane; 0: those that --out has, or the recipe's")
     parser.add_argument("--worlds", type=int, default=0, help="of a lane; 0 as with --steps")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
@@ -156,7 +157,7 @@ def main(words: Sequence[str] | None = None) -> None:
     for env in options.env or registry.names():
         found = read(options.out)
         known: Record = {} if options.again else found.get(env, {})
-        steps, worlds = int(options.steps) or known.get("env_steps", 0), options.worlds or known.get("worlds", 0)
+        steps, worlds = options.steps or known.get("env_steps", 0), options.worlds or known.get("worlds", 0)
         wanted = settings(env, steps, worlds)
         entry = {**wanted, "lanes": {}, **known}
         if options.again and is_run(options.dir / env):

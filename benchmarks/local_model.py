@@ -17,7 +17,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, keep, machine, read, results
+from records import OUTPUTS, Record, amount, command_line, keep, machine, read, results
 
 import openeureka
 from openeureka.errors import EurekaError
@@ -117,7 +117,7 @@ def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
 
 def shared(env: str, options: argparse.Namespace) -> Record:
     """The settings that all arms of a row have."""
-    steps = int(options.steps or STEPS.get(env) or registry.get(env).recipe.env_steps)
+    steps = options.steps or STEPS.get(env) or registry.get(env).recipe.env_steps
     return {"seed": options.seed, "temperature": TEMPERATURE, "env_steps_per_lane": steps}
 
 
@@ -131,7 +131,7 @@ def main() -> None:
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--model", action="append", help="an arm as `model=` names it; may be repeated")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for a short budget")
+    parser.add_argument("--steps", type=amount, default=0, help="environment steps of a lane, 0 for a short budget")
     parser.add_argument("--train", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--out", type=Path, default=results("local_model"))
     options = parser.parse_args()

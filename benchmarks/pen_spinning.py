@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ledger import Learned, learn
-from records import OUTPUTS, Record, command_line, machine, read, results, thinned, write
+from records import OUTPUTS, Record, amount, command_line, machine, read, results, thinned, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
@@ -124,7 +124,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = command_line(__doc__)
     parser.add_argument("--reward", default="human", help="human, or a reward file")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, over both stages")
+    parser.add_argument("--steps", type=amount, default=0, help="environment steps of a lane, over both stages")
     parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
@@ -132,7 +132,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args(words)
 
-    steps = int(options.steps) or sum(stage.steps for stage in curriculum.find(ENV, CURRICULUM))
+    steps = options.steps or sum(stage.steps for stage in curriculum.find(ENV, CURRICULUM))
     worlds = options.worlds or get(ENV).recipe.worlds
     settings = {"reward": called(options.reward), "env_steps": steps, "worlds": worlds, "seeds": options.seeds}
     found = read(options.out)

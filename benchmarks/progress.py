@@ -18,7 +18,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ledger import learn
-from records import FOLDER, OUTPUTS, PEAKS, Record, by_reward, command_line, keep, machine, read, record, results, show
+from records import (
+    FOLDER,
+    OUTPUTS,
+    PEAKS,
+    Record,
+    amount,
+    by_reward,
+    command_line,
+    keep,
+    machine,
+    read,
+    record,
+    results,
+    show,
+)
 
 from openeureka.config import TrainConfig
 from openeureka.numbers import number, spread
@@ -107,14 +121,14 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", choices=tasks(), nargs="+", default=tasks())
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--steps", type=float, default=STEPS, help="environment steps of a lane")
+    parser.add_argument("--steps", type=amount, default=STEPS, help="environment steps of a lane")
     parser.add_argument("--tiny", action="store_true", help="two epochs of a few worlds, short episodes")
     parser.add_argument("--left", action="store_true", help="train nothing")
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "progress", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args(words)
     for env in options.env:
-        worlds, steps = get(env).recipe.worlds, int(options.steps)
+        worlds, steps = get(env).recipe.worlds, options.steps
         if options.tiny:
             worlds, steps = 8, 8 * get(env).recipe.horizon * 2
         wanted = {"steps": steps, "worlds": worlds, "seeds": 1 if options.tiny else options.seeds}
