@@ -17,7 +17,8 @@ from openeureka.errors import ConfigError
 from openeureka.events import Event
 from openeureka.method.hacking import Kind
 from openeureka.report import costs, html, tables
-from openeureka.report.verdict import nexts, of_tuning, verdict
+from openeureka.report.next_steps import nexts
+from openeureka.report.verdict import of_tuning, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
 from openeureka.score import Outcome, played

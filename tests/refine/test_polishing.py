@@ -20,7 +20,8 @@ from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
 from openeureka.refine.polishing import Polished
 from openeureka.report import html, tables
-from openeureka.report.verdict import nexts, of_polishing, verdict
+from openeureka.report.next_steps import nexts
+from openeureka.report.verdict import of_polishing, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
 from openeureka.score import Outcome, gain

@@ -27,7 +27,8 @@ from openeureka.method.seeds import unused_seed
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
-from openeureka.report.verdict import deciding, nexts, of_tuning
+from openeureka.report.next_steps import deciding, nexts
+from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run

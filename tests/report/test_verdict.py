@@ -11,8 +11,9 @@ from openeureka.cli.show import summary
 from openeureka.method import hacking
 from openeureka.numbers import number
 from openeureka.report import html
+from openeureka.report.next_steps import nexts
 from openeureka.report.tables import measures, on_scale
-from openeureka.report.verdict import meaning, nexts, verdict
+from openeureka.report.verdict import meaning, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Outcome, SeedScores
 from openeureka.store import Store

@@ -15,7 +15,7 @@ from ..method.given import Given
 from ..method.seeds import unused_seed
 from ..numbers import columns
 from ..parsing import changed, command_line, parse, short_path, whole_path
-from ..report.verdict import deciding
+from ..report.next_steps import deciding
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import left_out, listed, named, to_tune

@@ -31,7 +31,7 @@ from ..numbers import dollars, duration, number, scored
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
-from . import charts, costs, dots, fitted, hints, robust, tables, verdict
+from . import charts, costs, dots, fitted, hints, next_steps, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
 from .view import FOLDERS, RunView
 
@@ -98,7 +98,7 @@ def intent(env: str) -> str:
 
 def nexts(run: RunView, directory: Path, where: str) -> list[tuple[str, str]]:
     """What to type next, with `where` for the run's directory."""
-    return verdict.nexts(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
+    return next_steps.nexts(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
 
 
 def _here(directory: Path) -> str:

@@ -1,14 +1,11 @@
-"""What came of a run, in one sentence that opens every report; and what to type next."""
+"""What came of a run, in one sentence that opens every report."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..config import AS_TRAINED, TrainConfig
 from ..method.prompts import scale
-from ..method.seeds import beside, unused_seed
 from ..numbers import number, scored
-from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import SeedScores, breach, learnt, rank
@@ -17,13 +14,8 @@ from ..tasks import registry
 from ..types import of_components
 from .view import RunView
 
-WORTH_REPEATING = (*AS_TRAINED, "device", "executor", "address")
-"""Settings of a run that `deciding` repeats, where they are not the defaults."""
-
 FEWEST = 3
 """Fewest seeds that a further training is proposed with."""
-LONGER = 3
-"""How many times the steps a further training is proposed with, where nothing was learnt."""
 
 
 def verdict(run: RunView) -> str:
@@ -92,7 +84,7 @@ def _of_given(run: RunView) -> str:
     rewards = run.given
     if not any(own.held_out for own in rewards.values()):
         return "No reward has been trained yet."
-    best, *others = _ordered(rewards)
+    best, *others = ordered(rewards)
     if not rewards[best].scores:
         return "Not decided yet: nothing has been scored on held-out episodes."
     if not others or not rewards[others[0]].scores:
@@ -100,21 +92,22 @@ def _of_given(run: RunView) -> str:
     second = others[0]
     between = f"F {_mean_of(rewards[best])} against {_mean_of(rewards[second])}, held out"
     undecided = f"Not decided between {best} and {second}"
-    found = _of_two(rewards, best, second)
+    found = of_two(rewards, best, second)
     if found is None:
         return f"{undecided}: {between}. One seed says nothing about the next."
-    if not found.sure and _nothing_learnt(run):
-        scores = f"F {_mean_of(rewards[best])} against {_mean_of(rewards[second])}, {_without(run.untrained)}, held out"
-        return f"Nothing learnt: policies of no reward are shown to beat untrained ones; {scores}."
+    if not found.sure and nothing_learnt(run):
+        return _no_better("no", rewards[best], rewards[second], run.untrained)
     told = decided(found, f"{best} is {{}} than {second}", between, undecided)
     return told if found.sure else f"{told} {_needed(found)}"
 
 
-def _ordered(rewards: Mapping[str, SeedScores]) -> list[str]:
+def ordered(rewards: Mapping[str, SeedScores]) -> list[str]:
+    """The names of given rewards, highest held-out F first."""
     return sorted(rewards, key=lambda name: -rank(mean(rewards[name].scores)))
 
 
-def _of_two(rewards: Mapping[str, SeedScores], best: str, second: str) -> Difference | None:
+def of_two(rewards: Mapping[str, SeedScores], best: str, second: str) -> Difference | None:
+    """How much higher held-out F of the best given reward is, which was picked among all."""
     rivals = [own.scores for name, own in rewards.items() if name not in (best, second)]
     return difference(rewards[best].scores, rewards[second].scores, rivals, claims=len(rewards) - 1)
 
@@ -136,8 +129,7 @@ def _of_search(run: RunView) -> str:
         without = lost if human.held_out else "there is no human reward to compare with"
         return f"The generated reward reaches F {_mean_of(generated)}, held out; {without}."
     if outcome.word == "nothing learnt":
-        scores = f"F {_mean_of(generated)} against {_mean_of(human)}, {_without(outcome.untrained)}, held out"
-        return f"Nothing learnt: policies of neither reward are shown to beat untrained ones; {scores}."
+        return _no_better("neither", generated, human, outcome.untrained)
     if outcome.same:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_mean_of(generated)} against {_mean_of(human)}, held out"
@@ -192,96 +184,19 @@ def components(run: RunView) -> str:
     return f"Its components: {', '.join(names)}." if names else ""
 
 
-def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tuple[str, str]]:
-    """What to type next: the command, and what it does.
-
-    Args:
-        kept: whether the run's files exist; without them nothing can be played or trained.
-    """
-    if none_found(run) or limits_reason(run):
-        return [(command_line("show", directory), "what became of each reply")]
-    refining = bool(run.config.tune or run.config.polish) and not run.ended
-    tuning = run.tunes and not (run.tuned is not None and run.tuned.done)
-    if tuning or (run.searched and (run.outcome is None or refining)):
-        return [(command_line("resume", directory), "continue where it stopped")]
-    if not kept:
-        return []
-    told = [*deciding(run, directory), (command_line("play", directory), "watch the best reward's policy")]
-    if run.polished is not None and run.polished.better:
-        told.append((command_line("play", directory, "policy=polished"), "watch the best policy"))
-    return told
-
-
-def deciding(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
-    """The command that may decide what a run left open, and what it does: the two rewards train with seeds by which
-    neither was chosen. Empty where nothing is open, or too many seeds would be needed.
-    """
-    config, left = run.config, _left_open(run, directory)
-    if left is None:
-        return []
-    found, rewards = left
-    usual = TrainConfig()
-    repeated = {key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)}
-    if found is not None and found.sure:
-        return []
-    seeds, effect = FEWEST, "train both with more seeds"
-    if _nothing_learnt(run):
-        steps = config.steps or max(result.env_steps for result in run.results.values())
-        repeated["steps"], effect = LONGER * steps, "train both for longer"
-    elif found is not None:
-        if found.seeds is None:
-            return []
-        seeds, effect = _enough(found.seeds), "an even chance to decide it"
-    settings = {
-        "env": config.env,
-        "reward": ",".join(rewards),
-        **repeated,
-        "seed": unused_seed(config),
-        "seeds": seeds,
-    }
-    return [(command_line("train", *(f"{key}={value}" for key, value in settings.items())), effect)]
-
-
-def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[str, str]] | None:
-    """The difference between the two rewards that the verdict compares (None with one seed), and what `reward=` names
-    them by. None where the verdict compares no rewards.
-    """
-    if run.searched:
-        ended, own = run.outcome, run.best.program if run.best is not None else None
-        if ended is None or own is None or not beside(run.config) or not (ended.method.scores and ended.human.scores):
-            return None
-        kept = "best" if run.fitted is None else f"candidates/{own.id}"  # else best/ holds another reward
-        return ended.difference, ("human", f"{directory}/{kept}/reward.py")
-
-    def file(name: str) -> str:
-        return f"{directory}/candidates/{run.texts[name].id}/reward.py" if name in run.texts else name
-
-    if run.tunes:
-        found = run.tuned
-        if found is None or not found.after or found.breach or found.breach_before:
-            return None
-        two, apart = (ORIGINAL, found.after), found.difference
-        rewards = found.finals
-    else:
-        rewards = run.given
-        if len(rewards) < 2:
-            return None
-        first, second = _ordered(rewards)[:2]
-        two, apart = (first, second), _of_two(rewards, first, second)
-    if not all(rewards[name].scores for name in two):
-        return None
-    return apart, (file(two[0]), file(two[1]))
-
-
-def _nothing_learnt(run: RunView) -> bool:
+def nothing_learnt(run: RunView) -> bool:
     """Whether policies of no reward are shown to be better than untrained ones. A tuning does not ask."""
     if run.searched:
         return run.outcome is not None and run.outcome.word == "nothing learnt"
     return not run.tunes and not learnt((own.scores for own in run.given.values()), run.untrained)
 
 
-def _without(untrained: Sequence[float]) -> str:
-    return f"{number(mean(untrained) or 0.0)} untrained ({len(untrained)} seeds)"
+def _no_better(which: str, one: SeedScores, other: SeedScores, untrained: Sequence[float]) -> str:
+    without = f"{number(mean(untrained) or 0.0)} untrained ({len(untrained)} seeds)"
+    return (
+        f"Nothing learnt: policies of {which} reward are shown to beat untrained ones; F {_mean_of(one)} against "
+        f"{_mean_of(other)}, {without}, held out."
+    )
 
 
 def _mean_of(own: SeedScores) -> str:
@@ -313,9 +228,9 @@ def decided(found: Difference | Estimate, claim: str, between: str, unless: str 
 def _needed(found: Difference) -> str:
     if found.seeds is None:
         return "So small a difference would take more than 100 seeds of each to decide."
-    return f"If the difference is real, {_enough(found.seeds)} new seeds of each have an even chance to show it."
+    return f"If the difference is real, {enough(found.seeds)} new seeds of each have an even chance to show it."
 
 
-def _enough(seeds: int) -> int:
+def enough(seeds: int) -> int:
     """How many new seeds to train two rewards with."""
     return max(FEWEST, seeds)
