@@ -20,6 +20,7 @@ import re
 from pathlib import Path
 
 from fresh import several, trained
+from ledger import in_sentences
 from records import FOLDER, Record, command_line, machine, read, results, today, told, write
 
 import openeureka
@@ -182,7 +183,8 @@ if __name__ == "__main__":
         "--fresh", type=several, default=0, metavar="SEEDS", help="train the best and the human reward again"
     )
     options = parser.parse_args()
-    runs = [openeureka.open_run(directory) for directory in options.directories]
+    with in_sentences():
+        runs = [openeureka.open_run(directory) for directory in options.directories]
     found = [record(run) | ({"fresh": again(run, options.fresh)} if options.fresh else {}) for run in runs]
     write(RESULTS, joined(read(RESULTS), found))
     for run in runs:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import fresh
 from choosing import JUDGED
+from ledger import in_sentences
 from records import Record, by_reward, command_line, correlation, defined, joined, keep, read, results
 
 import openeureka
@@ -74,6 +75,7 @@ if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="+")
     for directory in parser.parse_args().directories:
-        env, row = measure(directory)
+        with in_sentences():
+            env, row = measure(directory)
         keep(RESULTS, env, row)
         print(_row(env, row), flush=True)

@@ -17,9 +17,10 @@ from pathlib import Path
 
 import choosing
 from ledger import Script, in_sentences
-from records import OUTPUTS, Record, command_line, correlation, keep, machine, read, results, show
+from records import OUTPUTS, Record, amount, command_line, correlation, keep, machine, read, results, show
 
 from openeureka.config import NO_MODEL, RunConfig
+from openeureka.errors import ConfigError
 from openeureka.method.lanes import Lanes
 from openeureka.method.seeds import deal
 from openeureka.numbers import number
@@ -82,7 +83,9 @@ def began(lanes: Lanes) -> PolicyId:
     for lane in known.values():
         if lane.start is not None:
             return lane.start.policy
-    best = max(plays, key=lambda lane: rank(played(plays[lane], {}).fitness))
+    best = max(plays, key=lambda lane: rank(played(plays[lane], {}).fitness), default=None)
+    if best is None:
+        raise ConfigError("No policy from scratch ended an episode: train longer, with --steps.")
     return PolicyId(best, lanes.counted_peaks([best])[best])
 
 
@@ -143,7 +146,9 @@ def main() -> None:
     parser.add_argument("--env", choices=choosing.STEPS, nargs="+", default=list(TASKS))
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--shares", type=float, nargs="+", default=[0.0], help="of fresh weights")
-    parser.add_argument("--steps", type=int, default=0, help="of each training from scratch, instead of choosing.py's")
+    parser.add_argument(
+        "--steps", type=amount, default=0, help="of each training from scratch, instead of choosing.py's"
+    )
     parser.add_argument("--rewards", type=int, default=0, help="only the last so many, the human one among them")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
+from ledger import in_sentences
 from records import Record, command_line, correlation, interval, joined, read, results, rounded, show, write
 
 import openeureka
@@ -172,7 +173,8 @@ def main() -> None:
     parser.add_argument("directories", type=Path, nargs="*")
     study = read(RESULTS)
     for directory in parser.parse_args().directories:
-        run = openeureka.open_run(directory)
+        with in_sentences():
+            run = openeureka.open_run(directory)
         task = study.get(run.config.env, {"steps": run.config.steps})
         if task["steps"] != run.config.steps:
             raise SystemExit(f"{directory} trained {run.config.steps} steps, the others {task['steps']}.")
