@@ -13,7 +13,7 @@ from openeureka.types import Message, Prompt, Reply
 PROMPT = Prompt(messages=(Message("system", "s" * 40), Message("user", "u" * 40)))
 Play = Callable[[BaseHTTPRequestHandler], None]
 """Writes the answer to a request itself, whole or not."""
-Answer = tuple[int, dict | str, dict[str, str]] | Play
+Answer = tuple[int, dict | list | str, dict[str, str]] | Play
 
 
 def answer(*texts: str | None, finish: str = "stop") -> Answer:

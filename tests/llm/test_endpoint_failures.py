@@ -59,6 +59,11 @@ def replaced(**fields: object) -> Play:
     return raw(json.dumps({**json.loads(GOOD), **fields}).encode())
 
 
+def streamed(*events: dict, done: bool = True) -> Play:
+    lines = [json.dumps(event) for event in events] + ["[DONE]"] * done
+    return raw("".join(f"data: {line}\n\n" for line in lines).encode())
+
+
 def said(endpoint: Endpoint, **settings: str) -> str:
     with pytest.raises(ModelError) as caught:
         sample(endpoint.model(**settings), 1)
@@ -139,6 +144,12 @@ def test_a_wait_is_stated_in_seconds_or_as_a_date(endpoint: Endpoint, header: st
     endpoint.script = [play, answer("a")]
     assert texts(sample(endpoint.model(), 1)) == ["a"]
     assert endpoint.waits == [wait]
+
+
+def test_a_wait_is_stated_in_milliseconds(endpoint: Endpoint):
+    endpoint.script = [failure(429, Retry_After="2", retry_after_ms="1500"), answer("a")]
+    sample(endpoint.model(), 1)
+    assert endpoint.waits == [1.5]
 
 
 @pytest.mark.parametrize("before", [[], [answer("a")], [failure(503), failure(503)]])
@@ -225,8 +236,13 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),
             "(Error code: 422 - ['body', 'model']: none of ours); fix that",
         ),  # FastAPI
+        ((400, [{"error": {"code": 400, "message": "no such key"}}], {}), "400 - no such key); fix that"),  # Gemini
+        (
+            (422, {"message": {"detail": [{"loc": ["body", "n"], "msg": "not known"}]}}, {}),
+            "(Error code: 422 - ['body', 'n']: not known); fix that",
+        ),  # Mistral
+        ((400, [[[[[[[["deep"]]]]]]]], {}), "(Error code: 400); fix that"),
         (raw(b"<html>welcome</html>"), "an OpenAI-compatible endpoint (its answer is a web page); check base_url"),
-        (raw(b'data: {"choices": []}\n\ndata: [DONE]\n\n'), "endpoint (it streams its answers without being asked to"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'{"object": "list"}'), "its answer has no choices"),
@@ -347,6 +363,30 @@ def test_choices_without_text_are_asked_for_again_and_then_an_empty_reply(endpoi
 def test_a_refusal_and_a_call_of_a_tool_are_replies(endpoint: Endpoint, message: dict):
     endpoint.script = [replaced(choices=[{"message": message}])]
     assert texts(sample(endpoint.model(), 1)) == ["I will not."]
+
+
+def test_a_stream_that_breaks_off_is_asked_for_again(endpoint: Endpoint):
+    piece = {"choices": [{"index": 0, "delta": {"content": "a"}}]}
+    failed = {"error": {"message": "the provider is gone"}}
+    endpoint.script = [
+        streamed(piece, done=False),  # its end is missing
+        streamed(piece, failed),
+        streamed({"model": "m-1", **piece}, {"choices": [{"delta": {}, "finish_reason": "stop"}]}),
+    ]
+    (reply,) = sample(endpoint.model(), 1)
+    assert (reply.text, reply.model, len(endpoint.bodies)) == ("a", "m-1", 3)
+    endpoint.script = [streamed(failed), replaced(choices=[{"message": {"content": "b"}}])]
+    assert texts(sample(endpoint.model(), 1)) == ["b"]
+    assert endpoint.waits == [1.0]
+
+
+@pytest.mark.parametrize(
+    "event", [b"[]", b"{", b'{"choices": 7}', b'{"choices": [null, {"index": "x", "delta": 7}]}', b'{"usage": 7}']
+)
+def test_events_that_are_none_are_passed_over(endpoint: Endpoint, event: bytes):
+    good = b'{"choices": [{"delta": {"content": "a"}}]}'
+    endpoint.script = [raw(b": waits\n\ndata: " + event + b"\n\ndata: " + good + b"\n\ndata: [DONE]\n\n")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
 
 
 def test_text_in_parts_is_joined(endpoint: Endpoint):

@@ -1,5 +1,6 @@
 """Requests to good endpoints and to those with quirks; `test_endpoint_failures` has the bad ones."""
 
+import json
 import socket
 import threading
 from typing import Any
@@ -112,6 +113,28 @@ def test_a_model_without_a_system_role_is_told_the_same_by_the_user(endpoint: En
     assert endpoint.bodies[-1]["messages"] == [{"role": "user", "content": f"{'s' * 40}\n\n{'u' * 40}"}]
     assert endpoint.waits == [] and endpoint.bodies[-1]["n"] == 2
     sample(model, 1)
+    assert len(endpoint.bodies) == 3
+
+
+def test_a_model_that_only_streams_is_asked_to_stream(endpoint: Endpoint):
+    def script(body: dict[str, Any]) -> Answer:
+        if "stream" not in body:
+            return failure(400, "This model only support stream mode, please enable the stream parameter.")
+        pieces = [(0, "a", None), (1, "\u2028", None), (0, "b", "stop"), (1, "c", "stop")]
+        choices = [{"index": at, "delta": {"content": text}, "finish_reason": end} for at, text, end in pieces]
+        events = [{"choices": [choice], "usage": None} for choice in choices]
+        events.append({"choices": [], "usage": {"prompt_tokens": 100, "completion_tokens": 20}})
+        lines = [json.dumps(event, ensure_ascii=False) for event in events]
+        return 200, "".join(f"data: {line}\n\n" for line in [*lines, "[DONE]"]), {}
+
+    endpoint.script = script
+    model = endpoint.model()
+    replies = sample(model, 2)
+    assert texts(replies) == ["ab", "\u2028c"]
+    assert endpoint.bodies[1]["stream_options"] == {"include_usage": True} and endpoint.waits == []
+    assert sum(reply.usage.prompt_tokens for reply in replies) == 100
+    assert [reply.usage.completion_tokens for reply in replies] == [10, 10]
+    sample(model, 2)
     assert len(endpoint.bodies) == 3
 
 

@@ -14,6 +14,9 @@ MAX_TOKENS = 1 << 40
 _CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
 """Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 
+_STREAM = ("data:", "event:", "id:", ":")
+"""How a stream of events begins: a line of one of its fields, or a comment."""
+
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -72,6 +75,8 @@ def read(body: bytes) -> Completion:
 
 def _object(body: bytes) -> Mapping[str, Any]:
     text = body.decode(json.detect_encoding(body), "replace").strip()
+    if text.startswith(_STREAM):
+        return _streamed(text)
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
@@ -81,10 +86,44 @@ def _object(body: bytes) -> Mapping[str, Any]:
     return data
 
 
+def _streamed(text: str) -> Mapping[str, Any]:
+    """The object that an endpoint would have sent in one, from the events of a stream. A choice without an end is one
+    that was cut off by an error."""
+    whole: dict[str, Any] = {}
+    texts: dict[int, dict[str, list[str]]] = {}
+    ends: dict[int, object] = {}
+    done = False
+    for line in text.split("\n"):  # `splitlines` would also split at characters inside of texts
+        field, _, value = line.partition(":")
+        if field != "data":
+            continue
+        done = done or value.strip() == "[DONE]"
+        try:
+            event = _mapping(json.loads(value))
+        except (ValueError, RecursionError):
+            continue  # `[DONE]`, or an event that was cut off
+        whole.update({key: event[key] for key in ("model", "usage", "error") if event.get(key)})
+        pieces = event.get("choices")
+        for piece in map(_mapping, pieces if isinstance(pieces, list) else []):
+            index = _count(piece.get("index"))
+            delta = _mapping(piece.get("delta")) or _mapping(piece.get("message"))
+            said = texts.setdefault(index, {"content": [], "refusal": []})
+            for kind, parts in said.items():
+                parts.append(_text(delta.get(kind)))
+            ends[index] = piece.get("finish_reason") or ends.get(index)
+    regular = "stop" if done and "error" not in whole else "error"
+    whole["choices"] = [
+        {
+            "message": {kind: "".join(parts) for kind, parts in texts[index].items()},
+            "finish_reason": ends[index] or regular,
+        }
+        for index in sorted(texts)
+    ]
+    return whole
+
+
 def _no_json(text: str) -> Unreadable:
     """What an answer is that is not JSON."""
-    if text.startswith(("data:", "event:")):
-        return Unreadable("it streams its answers without being asked to: switch streaming off there", broken=False)
     if text.startswith("<"):
         return Unreadable("its answer is a web page", broken=False)
     if not text or text.startswith("{"):  # what begins like an object and is none was damaged on the way

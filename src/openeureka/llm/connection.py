@@ -109,10 +109,11 @@ def delay(headers: Mapping[str, str], attempt: int) -> float:
 
 
 def _stated(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
+    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3). OpenAI and Azure also send a
+    more exact one, in milliseconds."""
     value = headers.get("retry-after", "")
     try:
-        seconds = float(value)
+        seconds = float(headers["retry-after-ms"]) / 1000 if "retry-after-ms" in headers else float(value)
     except ValueError:
         try:
             # By the endpoint's own clock: this machine's may be wrong.

@@ -59,6 +59,8 @@ class _Manner(NamedTuple):
     temperature: float | None
     system: bool = True
     """Whether the first message may have the role `system`."""
+    stream: bool = False
+    """Some models answer only so: Qwen's that think, at Alibaba."""
 
 
 class EndpointModel:
@@ -233,6 +235,8 @@ class EndpointModel:
         }
         if manner.temperature is not None:
             arguments["temperature"] = manner.temperature
+        if manner.stream:
+            arguments |= {"stream": True, "stream_options": {"include_usage": True}}
         return arguments if n == 1 else {**arguments, "n": n}
 
     def _adapted(self, error: openai.APIError, n: int, manner: _Manner, attempt: int) -> bool:
@@ -251,6 +255,9 @@ class EndpointModel:
             return True
         if manner.system and "role" in said and ("system" in said or "alternate" in said):
             self._manner = self._manner._replace(system=False)  # templates of Gemma and Mistral have no such role
+            return True
+        if not manner.stream and "stream" in said:
+            self._manner = self._manner._replace(stream=True)
             return True
         if n > 1 and (refused or attempt):
             # Any other fault will show with n = 1. After two server errors `n` may still be known: it stays in use.
@@ -366,15 +373,23 @@ def _is_silence(error: openai.APIError) -> bool:
 
 
 def _said(error: openai.APIError) -> str:
-    """What the endpoint says of an error. The package reads only OpenAI's own form. Other endpoints send a text, or a
-    mapping with a text as `detail` or `error`. FastAPI lists mistakes and quotes the request with each; the quotes are
-    left out, as `_adapted` looks for words such as "temperature"."""
-    body = error.body
-    if isinstance(body, Mapping):
-        body = next((body[key] for key in ("message", "detail", "error") if body.get(key)), "")
-    if isinstance(body, list):
-        body = "; ".join(f"{part.get('loc')}: {part.get('msg')}" for part in body if isinstance(part, Mapping))
-    words = " ".join(body.split()) if isinstance(body, str) else ""
+    """What the endpoint says of an error. The package reads only OpenAI's own form."""
+    words = " ".join(_words(error.body).split())
     message = " ".join(error.message.split())
     known = not words or words.startswith("<") or words in message  # `<` begins a web page
     return message if known else f"{message} - {words}"
+
+
+def _words(body: object, depth: int = 5) -> str:
+    """The text of an error: itself, or a text as `message`, `detail` or `error`, at most `depth` levels down. Gemini
+    puts all into a list. FastAPI lists mistakes and quotes the request with each; the quotes are left out, as
+    `_adapted` looks for words such as "temperature"."""
+    if not depth:
+        return ""
+    if isinstance(body, list):
+        return "; ".join(filter(None, (_words(part, depth - 1) for part in body)))
+    if isinstance(body, Mapping):
+        if "msg" in body:
+            return f"{body.get('loc')}: {body['msg']}"
+        return next(filter(None, (_words(body.get(key), depth - 1) for key in ("message", "detail", "error"))), "")
+    return body if isinstance(body, str) else ""
