@@ -152,6 +152,16 @@ def test_a_wait_is_stated_in_milliseconds(endpoint: Endpoint):
     assert endpoint.waits == [1.5]
 
 
+@pytest.mark.parametrize("status", [408, 504, 524])
+def test_a_gateway_that_waited_long_for_the_model_is_asked_twice(
+    endpoint: Endpoint, status: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(openai, "GATEWAY", 0.0)
+    endpoint.script = lambda body: failure(status, "timed out")
+    assert "cannot answer now" in said(endpoint)
+    assert endpoint.waits == [1.0]
+
+
 @pytest.mark.parametrize("before", [[], [answer("a")], [failure(503), failure(503)]])
 def test_an_endpoint_that_hangs_is_asked_twice(endpoint: Endpoint, before: list[Answer]):
     done, asked, model = threading.Event(), len(before) + 2, endpoint.model()
@@ -236,6 +246,10 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),
             "(Error code: 422 - ['body', 'model']: none of ours); fix that",
         ),  # FastAPI
+        (
+            (429, {"error": {"message": "Budget has been exceeded!", "type": "budget_exceeded", "code": "429"}}, {}),
+            "has no credit left",
+        ),  # LiteLLM
         ((400, [{"error": {"code": 400, "message": "no such key"}}], {}), "400 - no such key); fix that"),  # Gemini
         (
             (422, {"message": {"detail": [{"loc": ["body", "n"], "msg": "not known"}]}}, {}),
@@ -471,6 +485,12 @@ def test_an_address_in_the_environment_may_need_no_key(endpoint: Endpoint, monke
     monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
     endpoint.script = [answer("a")]
     assert texts(sample(open_model(RunConfig(model="m")), 1)) == ["a"]
+
+
+@pytest.mark.parametrize("pasted", ["/chat/completions", "/chat/completions/"])
+def test_the_address_of_requests_is_taken_for_that_of_the_endpoint(endpoint: Endpoint, pasted: str):
+    model = open_model(RunConfig(model="m", base_url=endpoint.url + pasted))
+    assert str(model._client.base_url) == f"{endpoint.url}/"  # type: ignore[attr-defined]
 
 
 def test_an_empty_address_in_the_environment_is_none(monkeypatch: pytest.MonkeyPatch):

@@ -28,6 +28,8 @@ ROUNDS = 3
 PARALLEL = 8
 TIMEOUT = 600.0
 """[s] to wait for bytes. Answers are not streamed: those of a reasoning model may take minutes to the first byte."""
+GATEWAY = 30.0
+"""[s] after which an error of a gateway that waited counts as such a try: the model was at work, and may be paid for."""
 PATIENCE = 900.0
 """[s] for a whole answer: some endpoints send blanks while a request waits in their queue."""
 MAX_BODY = 64 << 20
@@ -35,6 +37,8 @@ MAX_BODY = 64 << 20
 
 _PASSING = {408, 409, 425, 429}
 """Client errors that may pass: timeout, conflict, too early, too many requests (RFC 9110, RFC 8470, RFC 6585)."""
+_WAITED = {408, 504, 524}
+"""Errors of a gateway that waited for the model; LiteLLM sends 408."""
 _MAY_REFUSE = {500, 501}
 """Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
 _REFUSED = "{where} refuses the request ({said}); fix that, then resume."
@@ -193,7 +197,8 @@ class EndpointModel:
                     raise self._unreadable(error) from None
                 self._pause(connection.delay({}, attempt), gone)
             except openai.APIError as error:
-                silences += _is_silence(error)
+                waited = isinstance(error, openai.APIStatusError) and error.status_code in _WAITED
+                silences += _is_silence(error) or (waited and time.monotonic() - began >= GATEWAY)
                 if not self._adapted(error, n, manner, attempt):
                     last = last or silences == SILENCES or time.monotonic() - began >= PATIENCE
                     if last or not self._passing(error, attempt):
@@ -267,7 +272,7 @@ class EndpointModel:
 
     def _passing(self, error: openai.APIError, attempt: int) -> bool:
         """Whether waiting may help."""
-        if error.code == "insufficient_quota":
+        if _is_spent(error):
             return False
         if isinstance(error, openai.APIConnectionError) and not self._reached and not _is_silence(error):
             return attempt == 0  # more likely a mistake in base_url than an interruption
@@ -290,7 +295,7 @@ class EndpointModel:
             if "CERTIFICATE_VERIFY_FAILED" in cause:
                 check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
             return ModelError(f"{where} cannot be reached ({self._quoted(cause)}); check {check}.{self._detour}")
-        if error.code == "insufficient_quota":
+        if _is_spent(error):
             return ModelError(f"The account at {where} has no credit left; add some, then resume.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
             return self._busy(_said(error))
@@ -365,6 +370,11 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
         return messages
     asked, *later = rest
     return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
+
+
+def _is_spent(error: openai.APIError) -> bool:
+    """Whether there is nothing left to pay with: at OpenAI, or of the budget of a LiteLLM proxy."""
+    return error.code == "insufficient_quota" or error.type == "budget_exceeded"
 
 
 def _is_silence(error: openai.APIError) -> bool:
