@@ -27,9 +27,9 @@ ROUNDS = 3
 """Times that a reply is asked for while it comes back empty or truncated, the first included."""
 PARALLEL = 8
 TIMEOUT = 600.0
-"""[s] to wait for bytes. Answers are not streamed: those of a reasoning model may take minutes to the first byte."""
+"""[s] to wait for bytes. Answers are seldom streamed: those of a reasoning model may take minutes to the first byte."""
 GATEWAY = 30.0
-"""[s] after which an error of a gateway that waited counts as such a try: the model was at work, and may be paid for."""
+"""[s] after which an error of a gateway that waited counts so: the model was at work, and may be billed."""
 PATIENCE = 900.0
 """[s] for a whole answer: some endpoints send blanks while a request waits in their queue."""
 MAX_BODY = 64 << 20
