@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 check_tree = runpy.run_path(str(ROOT / "scripts" / "check_tree.py"))
@@ -27,6 +28,15 @@ def test_every_direct_dependency_is_pinned():
     wanted = [*project["dependencies"], *(d for extra in extras for d in extra if not d.startswith("openeureka["))]
     pinned = {_normal(pin.split("==")[0]) for pin in PINS}
     assert {_normal(re.split(r"[<>=!~;\[ ]", requirement)[0]) for requirement in wanted} <= pinned
+
+
+@pytest.mark.parametrize(("python", "has_wheels"), [("3.11", True), ("3.13", True), ("3.14", False)])
+def test_box2d_is_asked_for_only_where_pip_need_not_build_it(python, has_wheels):
+    """A build needs a compiler, and without one no other package of the extra would be installed either."""
+    extra = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["gym"]
+    wanted = [r for r in map(Requirement, extra) if r.marker is None or r.marker.evaluate({"python_version": python})]
+    extras = {name for requirement in wanted for name in requirement.extras}
+    assert extras == ({"classic-control", "box2d"} if has_wheels else {"classic-control"})
 
 
 def _normal(name: str) -> str:
