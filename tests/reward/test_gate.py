@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from typing import Any
 
@@ -172,6 +173,35 @@ GOLDEN = {
         "line 2: Python cannot read it: '[' was never closed [syntax]",
     ),
 }
+
+
+_TYPE_PARAMETER = "a type parameter such as `[T]` is not allowed [statement]; remove it"
+NEWER = {
+    "def compute_reward[T: print(1)](pos):\n    return pos[:, 0], {}\n": (12, f"line 1: {_TYPE_PARAMETER}"),
+    "def compute_reward[*T](pos):\n    return pos[:, 0], {}\n": (12, f"line 1: {_TYPE_PARAMETER}"),
+    "def compute_reward[**T](pos):\n    return pos[:, 0], {}\n": (12, f"line 1: {_TYPE_PARAMETER}"),
+    "def compute_reward[T = print(1)](pos):\n    return pos[:, 0], {}\n": (13, f"line 1: {_TYPE_PARAMETER}"),
+    "def compute_reward(pos):\n    type X = print(1)\n    return pos[:, 0], {}\n": (
+        12,
+        "line 2: `type` is not allowed [statement]; remove the line",
+    ),
+    "def compute_reward(pos):\n    x = t'{pos}'\n    return pos[:, 0], {}\n": (
+        14,
+        "line 2: a t-string is not allowed [statement]; use an f-string",
+    ),
+    "def compute_reward(pos):\n    x = f'{f'{pos.__class__}'}'\n    return pos[:, 0], {}\n": (
+        12,
+        "line 2: `__class__` is not allowed [dunder]; remove it",
+    ),
+}
+"""Programs that Python 3.11 cannot read, with the minor version that can, and what is said there."""
+
+
+@pytest.mark.parametrize("source", NEWER)
+def test_syntax_that_python_gained_since_3_11_opens_nothing(source: str) -> None:
+    minor, said = NEWER[source]
+    first = sentences(source, STATE)[0]
+    assert first == said if sys.version_info >= (3, minor) else first.endswith("[syntax]")
 
 
 @pytest.mark.parametrize("name", GOLDEN)

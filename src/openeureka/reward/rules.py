@@ -55,6 +55,15 @@ _FORMS: dict[type[ast.AST], tuple[str, str]] = {
     ast.YieldFrom: _YIELD,
 }
 """What an author calls a refused node, and what to write instead."""
+_TYPE_PARAMETER = "a type parameter such as `[T]`", "remove it"
+_NEWER_FORMS = {
+    "ParamSpec": _TYPE_PARAMETER,
+    "TemplateStr": ("a t-string", "use an f-string"),
+    "TypeAlias": ("`type`", "remove the line"),
+    "TypeVar": _TYPE_PARAMETER,
+    "TypeVarTuple": _TYPE_PARAMETER,
+}
+"""The same for nodes that Python 3.11 lacks, by name."""
 _OTHERWISE = "write it with other operations"
 _EARLIER = "values of earlier steps are not available"
 _INSTEAD = {
@@ -134,7 +143,8 @@ class Rules(ast.NodeVisitor):
 
     def visit(self, node: ast.AST) -> None:
         if not isinstance(node, (*_STATEMENTS, *_EXPRESSIONS)):
-            called, fix = _FORMS.get(type(node), (f"`{type(node).__name__}`", "remove it"))
+            name = type(node).__name__
+            called, fix = _FORMS.get(type(node)) or _NEWER_FORMS.get(name) or (f"`{name}`", "remove it")
             self._refuse("statement", f"{called} is not allowed", node, fix)
             return
         for name in identifiers(node):
