@@ -106,7 +106,7 @@ def _imported(address: str) -> Any:
     try:
         import ray
     except ImportError:
-        raise ConfigError("executor=ray needs Ray, which is not installed: pip install 'openeureka[ray]'") from None
+        raise ConfigError("executor=ray needs Ray, which is not installed: pip install 'openeureka[ray]'.") from None
     return ray
 
 
