@@ -394,6 +394,12 @@ def test_a_stream_that_breaks_off_is_asked_for_again(endpoint: Endpoint):
     assert endpoint.waits == [1.0]
 
 
+def test_a_gateway_that_speaks_of_an_upstream_is_not_asked_to_stream(endpoint: Endpoint):
+    endpoint.script = [failure(500, "upstream error"), answer("a")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert not any("stream" in body for body in endpoint.bodies)
+
+
 @pytest.mark.parametrize(
     "event", [b"[]", b"{", b'{"choices": 7}', b'{"choices": [null, {"index": "x", "delta": 7}]}', b'{"usage": 7}']
 )

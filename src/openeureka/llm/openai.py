@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -261,7 +262,7 @@ class EndpointModel:
         if manner.system and "role" in said and ("system" in said or "alternate" in said):
             self._manner = self._manner._replace(system=False)  # templates of Gemma and Mistral have no such role
             return True
-        if not manner.stream and "stream" in said:
+        if not manner.stream and re.search(r"\bstream", said):  # a gateway says "upstream"
             self._manner = self._manner._replace(stream=True)
             return True
         if n > 1 and (refused or attempt):
