@@ -173,15 +173,15 @@ def summary(measured: Mapping[str, Record]) -> str:
     """The rows in a few sentences. Means of seeds that chose nothing are counted apart from those that picked the
     winner."""
     ends = Counter(map(ending, measured.values()))
+    few = f" On {ends['too few seeds']}, three seeds are too few to tell." if ends["too few seeds"] else ""
     unknown = f" On {ends['one seed']} it is not known, as one seed trained." if ends["one seed"] else ""
     decisive = [row for row in measured.values() if ending(row) != "nothing learnt"]
     other = [decided(row) for row in decisive if row.get("confirmed")]
     picked = [row for row in decisive if not row.get("confirmed")]
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
-        f"one on {ends['better']} of them, level on {ends['level']}, worse on {ends['worse']}. On "
-        f"{ends['too few seeds']}, three seeds are too few to tell. On {ends['nothing learnt']}, neither reward is "
-        f"shown to do better than no training.{unknown}\n"
+        f"one on {ends['better']} of them, level on {ends['level']}, worse on {ends['worse']}."
+        f"{few} On {ends['nothing learnt']}, neither reward is shown to do better than no training.{unknown}\n"
         f"{len(other)} tasks trained again with seeds that chose nothing. There the generated reward's mean is "
         f"{_means(other)}. On {len(picked)} more tasks the same seeds picked the reward and score it. There it is "
         f"{_means(picked)}."
