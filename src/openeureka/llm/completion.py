@@ -73,6 +73,21 @@ def read(body: bytes) -> Completion:
     )
 
 
+def error_text(body: object, depth: int = 5) -> str:
+    """The text of an error: itself, or a text as `message`, `detail` or `error`, at most `depth` levels down. Gemini
+    puts all into a list. FastAPI lists mistakes and quotes the request with each; the quotes are left out, as
+    the client looks for words such as "temperature"."""
+    if not depth:
+        return ""
+    if isinstance(body, list):
+        return "; ".join(filter(None, (error_text(part, depth - 1) for part in body)))
+    if isinstance(body, Mapping):
+        if "msg" in body:
+            return f"{body.get('loc')}: {body['msg']}"
+        return next(filter(None, (error_text(body.get(key), depth - 1) for key in ("message", "detail", "error"))), "")
+    return body if isinstance(body, str) else ""
+
+
 def _object(body: bytes) -> Mapping[str, Any]:
     text = body.decode(json.detect_encoding(body), "replace").strip()
     if text.startswith(_STREAM):

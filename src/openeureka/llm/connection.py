@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping
 from email.utils import parsedate_to_datetime
 from urllib.parse import urljoin, urlsplit
@@ -64,7 +65,7 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
         ) from None
     timeout = httpx2.Timeout(silence, connect=CONNECT)
     try:
-        address = base_url or OPENAI  # given none, the package would take even an empty OPENAI_BASE_URL
+        address = _endpoint(base_url) or OPENAI  # given none, the package would take even an empty OPENAI_BASE_URL
         made = openai.OpenAI(api_key=key, base_url=address, max_retries=0, timeout=timeout, http_client=http)
         made.base_url.raw_host.decode().encode("idna")  # else a socket would fail at it in the middle of a request
     except (httpx2.InvalidURL, UnicodeError):
@@ -89,7 +90,12 @@ def base_of(asked: str, location: str) -> str:
         target = urljoin(asked, location)
     except ValueError:
         return "an invalid address"
-    return shown(target).removesuffix("/chat/completions")
+    return _endpoint(shown(target))
+
+
+def _endpoint(url: str) -> str:
+    """The address of the endpoint, also where that of its requests is given."""
+    return re.sub("/chat/completions/?$", "", url)
 
 
 def detour(url: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
 from threading import Event, Semaphore, Thread
@@ -38,8 +38,6 @@ MAX_BODY = 64 << 20
 
 _PASSING = {408, 409, 425, 429}
 """Client errors that may pass: timeout, conflict, too early, too many requests (RFC 9110, RFC 8470, RFC 6585)."""
-_WAITED = {408, 504, 524}
-"""Errors of a gateway that waited for the model; LiteLLM sends 408."""
 _MAY_REFUSE = {500, 501}
 """Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
 _REFUSED = "{where} refuses the request ({said}); fix that, then resume."
@@ -198,10 +196,10 @@ class EndpointModel:
                     raise self._unreadable(error) from None
                 self._pause(connection.delay({}, attempt), gone)
             except openai.APIError as error:
-                waited = isinstance(error, openai.APIStatusError) and error.status_code in _WAITED
-                silences += _is_silence(error) or (waited and time.monotonic() - began >= GATEWAY)
+                took = time.monotonic() - began
+                silences += _is_silence(error) or (took >= GATEWAY and _has_waited(error))
                 if not self._adapted(error, n, manner, attempt):
-                    last = last or silences == SILENCES or time.monotonic() - began >= PATIENCE
+                    last = last or silences == SILENCES or took >= PATIENCE
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
@@ -383,24 +381,14 @@ def _is_silence(error: openai.APIError) -> bool:
     return isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout)
 
 
+def _has_waited(error: openai.APIError) -> bool:
+    """Whether a gateway gave up waiting for the model; LiteLLM sends 408."""
+    return isinstance(error, openai.APIStatusError) and error.status_code in {408, 504, 524}
+
+
 def _said(error: openai.APIError) -> str:
     """What the endpoint says of an error. The package reads only OpenAI's own form."""
-    words = " ".join(_words(error.body).split())
+    words = " ".join(completion.error_text(error.body).split())
     message = " ".join(error.message.split())
     known = not words or words.startswith("<") or words in message  # `<` begins a web page
     return message if known else f"{message} - {words}"
-
-
-def _words(body: object, depth: int = 5) -> str:
-    """The text of an error: itself, or a text as `message`, `detail` or `error`, at most `depth` levels down. Gemini
-    puts all into a list. FastAPI lists mistakes and quotes the request with each; the quotes are left out, as
-    `_adapted` looks for words such as "temperature"."""
-    if not depth:
-        return ""
-    if isinstance(body, list):
-        return "; ".join(filter(None, (_words(part, depth - 1) for part in body)))
-    if isinstance(body, Mapping):
-        if "msg" in body:
-            return f"{body.get('loc')}: {body['msg']}"
-        return next(filter(None, (_words(body.get(key), depth - 1) for key in ("message", "detail", "error"))), "")
-    return body if isinstance(body, str) else ""

@@ -136,7 +136,6 @@ def _endpoint(config: RunConfig) -> LanguageModel:
     if url and not re.match(r"https?://[^/]", url):
         bare = re.sub(r"^[a-z]*:?/+", "", url) or "localhost:8000/v1"
         raise ConfigError(f"`base_url` must begin with http:// or https://: write base_url=http://{bare}")
-    url = re.sub(r"/chat/completions/?$", "", url)  # the package adds it
     from .openai import EndpointModel  # the package takes a second to import, and only this needs it
 
     return EndpointModel(config.model, base_url=url, temperature=config.temperature, price=_price(config))

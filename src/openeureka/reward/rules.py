@@ -34,36 +34,33 @@ _EXPRESSIONS = (
 _ASYNC = "`async`", "remove the word"
 _TRY = "`try`", "remove it: an error in a reward is reported with its line"
 _YIELD = "`yield`", "return a list"
-_FORMS: dict[type[ast.AST], tuple[str, str]] = {
-    ast.AsyncFor: _ASYNC,
-    ast.AsyncFunctionDef: _ASYNC,
-    ast.AsyncWith: _ASYNC,
-    ast.Await: ("`await`", "remove the word"),
-    ast.ClassDef: ("`class`", "write plain functions"),
-    ast.Delete: ("`del` of a part", "leave it there"),
-    ast.Global: ("`global`", "pass the value as an argument"),
-    ast.Match: ("`match`", "use torch.where"),
-    ast.NamedExpr: ("`:=`", "assign on a line of its own"),
-    ast.Nonlocal: ("`nonlocal`", "pass the value as an argument, and return the new one"),
-    ast.Set: ("a set", "write a list or a tuple"),
-    ast.SetComp: ("a set", "write a list"),
-    ast.Try: _TRY,
-    ast.TryStar: _TRY,
-    ast.While: ("`while`", "use tensor operations, or `for` over a small `range`"),
-    ast.With: ("`with`", "keep its body, remove the line"),
-    ast.Yield: _YIELD,
-    ast.YieldFrom: _YIELD,
-}
-"""What an author calls a refused node, and what to write instead."""
 _TYPE_PARAMETER = "a type parameter such as `[T]`", "remove it"
-_NEWER_FORMS = {
+_FORMS = {
+    "AsyncFor": _ASYNC,
+    "AsyncFunctionDef": _ASYNC,
+    "AsyncWith": _ASYNC,
+    "Await": ("`await`", "remove the word"),
+    "ClassDef": ("`class`", "write plain functions"),
+    "Delete": ("`del` of a part", "leave it there"),
+    "Global": ("`global`", "pass the value as an argument"),
+    "Match": ("`match`", "use torch.where"),
+    "NamedExpr": ("`:=`", "assign on a line of its own"),
+    "Nonlocal": ("`nonlocal`", "pass the value as an argument, and return the new one"),
     "ParamSpec": _TYPE_PARAMETER,
+    "Set": ("a set", "write a list or a tuple"),
+    "SetComp": ("a set", "write a list"),
     "TemplateStr": ("a t-string", "use an f-string"),
+    "Try": _TRY,
+    "TryStar": _TRY,
     "TypeAlias": ("`type`", "remove the line"),
     "TypeVar": _TYPE_PARAMETER,
     "TypeVarTuple": _TYPE_PARAMETER,
+    "While": ("`while`", "use tensor operations, or `for` over a small `range`"),
+    "With": ("`with`", "keep its body, remove the line"),
+    "Yield": _YIELD,
+    "YieldFrom": _YIELD,
 }
-"""The same for nodes that Python 3.11 lacks, by name."""
+"""What an author calls a refused node, and what to write instead. By name: Python 3.11 lacks some of them."""
 _OTHERWISE = "write it with other operations"
 _EARLIER = "values of earlier steps are not available"
 _INSTEAD = {
@@ -144,7 +141,7 @@ class Rules(ast.NodeVisitor):
     def visit(self, node: ast.AST) -> None:
         if not isinstance(node, (*_STATEMENTS, *_EXPRESSIONS)):
             name = type(node).__name__
-            called, fix = _FORMS.get(type(node)) or _NEWER_FORMS.get(name) or (f"`{name}`", "remove it")
+            called, fix = _FORMS.get(name, (f"`{name}`", "remove it"))
             self._refuse("statement", f"{called} is not allowed", node, fix)
             return
         for name in identifiers(node):
