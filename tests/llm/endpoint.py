@@ -34,6 +34,12 @@ def failure(status: int, message: str = "no", *, code: str | None = None, **head
     return status, {"error": {"message": message, "type": "t", "code": code, "param": None}}, headers
 
 
+def streamed(*events: dict, done: bool = True) -> Answer:
+    """An answer in events, as it comes from an endpoint that streams; without `done` its end is missing."""
+    lines = [json.dumps(event, ensure_ascii=False) for event in events] + ["[DONE]"] * done
+    return 200, "".join(f"data: {line}\n\n" for line in lines), {}
+
+
 class Endpoint:
     """Answers request by request from `script`, a list or a function of the request's body."""
 

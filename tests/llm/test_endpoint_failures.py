@@ -16,7 +16,7 @@ from openeureka.errors import ConfigError, ModelError
 from openeureka.llm import connection, open_model, openai
 from openeureka.llm.openai import EndpointModel
 
-from .endpoint import Answer, Endpoint, Play, answer, failure, sample, texts
+from .endpoint import Answer, Endpoint, Play, answer, failure, sample, streamed, texts
 
 KEY = "sk-canary-0123456789"
 GOOD = json.dumps(answer("a")[1]).encode()  # pyright: ignore[reportIndexIssue]
@@ -57,11 +57,6 @@ def failing(body: bytes, status: int = 502, **headers: str) -> Play:
 
 def replaced(**fields: object) -> Play:
     return raw(json.dumps({**json.loads(GOOD), **fields}).encode())
-
-
-def streamed(*events: dict, done: bool = True) -> Play:
-    lines = [json.dumps(event) for event in events] + ["[DONE]"] * done
-    return raw("".join(f"data: {line}\n\n" for line in lines).encode())
 
 
 def said(endpoint: Endpoint, **settings: str) -> str:
@@ -264,6 +259,7 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             raw(b'{"error": "Unexpected endpoint or method. (POST /chat/completions)"}'),
             "which often ends in /v1",
         ),  # LM Studio
+        (replaced(choices=None, error={"detail": "Unexpected endpoint"}), "(Unexpected endpoint)"),
         (raw(b"\x00\xff\xfe\x80"), "does not answer like an OpenAI-compatible endpoint"),
     ],
 )

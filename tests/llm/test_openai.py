@@ -1,6 +1,5 @@
 """Requests to good endpoints and to those with quirks; `test_endpoint_failures` has the bad ones."""
 
-import json
 import socket
 import threading
 from typing import Any
@@ -12,7 +11,7 @@ from openeureka.llm.openai import EndpointModel
 from openeureka.llm.price import Price, afford
 from openeureka.reward import extract
 
-from .endpoint import PROMPT, Answer, Endpoint, answer, failure, sample, texts
+from .endpoint import PROMPT, Answer, Endpoint, answer, failure, sample, streamed, texts
 
 
 def test_one_request_gives_all_samples(endpoint: Endpoint):
@@ -124,8 +123,7 @@ def test_a_model_that_only_streams_is_asked_to_stream(endpoint: Endpoint):
         choices = [{"index": at, "delta": {"content": text}, "finish_reason": end} for at, text, end in pieces]
         events = [{"choices": [choice], "usage": None} for choice in choices]
         events.append({"choices": [], "usage": {"prompt_tokens": 100, "completion_tokens": 20}})
-        lines = [json.dumps(event, ensure_ascii=False) for event in events]
-        return 200, "".join(f"data: {line}\n\n" for line in [*lines, "[DONE]"]), {}
+        return streamed(*events)
 
     endpoint.script = script
     model = endpoint.model()

@@ -56,7 +56,7 @@ def read(body: bytes) -> Completion:
     data = _object(body)
     choices, error = data.get("choices"), data.get("error")
     if error and not choices:  # some endpoints send errors with status 200
-        said = str(_mapping(error).get("message", error))
+        said = error_text(error) or str(error)
         # LM Studio says this to an address without /v1, which another try does not mend.
         raise Unreadable(said, broken="unexpected endpoint" not in said.lower())
     if not isinstance(choices, list):
