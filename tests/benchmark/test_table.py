@@ -5,7 +5,6 @@ import pytest
 from openeureka.benchmark.figures import Result
 from openeureka.benchmark.plan import plan
 from openeureka.benchmark.table import Comparison
-from openeureka.stats import estimate
 
 PLAN = plan({"tasks": ["cartpole", "ant"], "seeds": [0, 10], "arms": {"full": {}, "random": {"model": "random"}}})
 
@@ -19,18 +18,10 @@ def compared(*results: Result) -> Comparison:
     return Comparison(PLAN, results)
 
 
-def test_an_interval_is_students():
-    # Mean 12, standard deviation 2, t(2, 0.975) = 4.3027: the half-width is 4.3027 * 2 / sqrt(3) = 4.9683.
-    found = estimate([10.0, 12.0, 14.0])
-    assert (found.value, found.low, found.high) == pytest.approx((12.0, 7.0317, 16.9683), abs=1e-4)
-    assert found.sure and not estimate([-1.0, 2.0, 1.0]).sure
-    # Two intervals that hold together have 97.5 % each: t(2, 0.9875) = 6.2053, the half-width is 7.1653.
-    assert estimate([10.0, 12.0, 14.0], claims=2).low == pytest.approx(4.8347, abs=1e-4)
-
-
-def test_one_value_has_no_interval_and_none_is_nothing():
-    assert estimate([None, 3.0]).low is None and not estimate([3.0]).sure
-    assert estimate([None]) is None
+def decisions(table: Comparison) -> list[str]:
+    by_task, _ = table.tables()
+    column = by_task.titles.index("more than full") + 1
+    return [row[column] for row in by_task.rows]
 
 
 def test_arms_are_compared_with_the_first_seed_by_seed():
@@ -44,7 +35,17 @@ def test_arms_are_compared_with_the_first_seed_by_seed():
     assert (random.difference.value, random.difference.low) == pytest.approx((-2.5, -8.8531), abs=1e-4)
     assert not random.difference.sure
     assert (random.steps, random.cost_usd, random.minutes) == (200, 1.0, 4.0)
+    assert decisions(table) == ["", "not decided", "", ""]
     assert [(row.task, row.seeds, row.held_out) for row in rest] == [("ant", 0, None), ("ant", 0, None)]
+
+
+def test_a_difference_that_is_larger_than_chance_is_decided():
+    table = compared(
+        *(result("cartpole", "full", seed, 10.0) for seed in (0, 1)),
+        *(result("cartpole", "random", seed, 8.0 + seed / 10) for seed in (0, 1)),
+    )
+    # -2 and -1.9: standard deviation 0.0707, half-width 12.7062 * 0.0707 / sqrt(2) = 0.635.
+    assert decisions(table) == ["", "decided", "", ""]
 
 
 def test_scores_are_on_one_scale_for_a_task_and_clipped():
@@ -77,6 +78,7 @@ def test_a_search_that_trained_nothing_is_no_measure_and_is_not_hidden():
     full, random, *_ = table.rows
     assert full.matched.value == 1.0 and random.held_out is None and random.difference is None
     assert table.tables()[0].rows[1][6] == "- (1 undefined)"
+    assert compared(result("cartpole", "full", 0, None, search_steps=0)).rows[0].matched is None
 
 
 def test_a_search_that_had_played_nothing_by_then_is_said_to_be_left_out():
@@ -113,3 +115,5 @@ def test_the_figure_has_a_panel_a_task_and_a_line_an_arm():
     # The mean begins at two million steps, where both seeds have a value, and goes on to the end of the figure.
     assert dict(zip(chart.xs, chart.lines[0].values, strict=True)) == {2.0: 5.0, 4.0: 5.0}
     assert list(compared().figures()) == []
+    (without,) = compared(result("cartpole", "full", 0, 9.0, curve=((1e6, 2.0), (2e6, 3.0)), human=None)).figures()
+    assert [line.name for line in without.lines] == ["full"]

@@ -36,6 +36,7 @@ def test_a_look_in_which_f_was_undefined_takes_no_error_from_the_others() -> Non
     undefined = Evaluation(lane="a", fitness=None, episode_length=9.0, episodes=8)
     known = Evaluation(lane="a", fitness=0.5, error=0.06, episode_length=9.0, episodes=8)
     assert pooled([undefined, known]) == pooled([known, undefined]) == known
+    assert pooled([undefined, undefined]) == dataclasses.replace(undefined, episodes=16)
 
 
 def test_errors_of_looks_that_share_start_states_add_up() -> None:

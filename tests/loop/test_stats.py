@@ -4,7 +4,18 @@ from random import Random
 
 import pytest
 
-from openeureka.stats import Difference, difference, estimate, jackknife, mean, midranks, pearson, spent, two_valued
+from openeureka.stats import (
+    Difference,
+    Estimate,
+    difference,
+    estimate,
+    jackknife,
+    mean,
+    midranks,
+    pearson,
+    spent,
+    two_valued,
+)
 
 
 def test_mean_leaves_undefined_values_out() -> None:
@@ -16,6 +27,7 @@ def test_pearson_by_hand() -> None:
     # means 2 and 3; deviations (-1, 0, 1) and (-2, 1, 1): 3 / sqrt(2 * 6)
     assert pearson([1, 2, 3], [1, 4, 4]) == pytest.approx(3 / math.sqrt(12))
     assert pearson([1, 2, 3], [3, 2, 1]) == pytest.approx(-1)
+    assert pearson([1e6 + 1, 1e6 + 2, 1e6 + 3], [1, 4, 4]) == pytest.approx(3 / math.sqrt(12))  # that is no rounding
 
 
 def test_pearson_uses_the_pairs_in_which_both_are_defined() -> None:
@@ -26,6 +38,7 @@ def test_pearson_uses_the_pairs_in_which_both_are_defined() -> None:
 def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
     assert pearson([1, 1, 1], [1, 2, 3]) is None
     assert pearson([0.1] * 3, [0, 1, 2]) is None and pearson([0, 1, 2], [0.7] * 3) is None  # their means are rounded
+    assert pearson([0, 0, 0], [0, 1, 2]) is None and pearson([0, 1, 2], [0, 0, 0]) is None
     assert pearson([1], [2]) is None
     assert pearson([], []) is None
 
@@ -90,6 +103,23 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
     assert thirds is not None and nine is not None and not thirds.sure and not nine.sure
 
 
+def test_the_interval_of_a_mean_by_hand() -> None:
+    # Spreads are 1 and sqrt(2). t(2) = 4.303: half = 4.303 / sqrt(3) = 2.484. t(1) = 12.706: half = 12.706.
+    three, two = estimate([1.0, None, 2.0, 3.0]), estimate([1.0, 3.0])
+    assert three is not None and two is not None and (three.count, two.count) == (3, 2)
+    assert (three.value, three.low, three.high) == pytest.approx((2.0, -0.484, 4.484), abs=1e-3)
+    assert (two.value, two.low, two.high) == pytest.approx((2.0, -10.706, 14.706), abs=1e-3)
+    # Two intervals that hold together have 97.5 % each: t(2) = 6.205, half = 3.582.
+    both = estimate([1.0, 2.0, 3.0], claims=2)
+    assert both is not None and both.low == pytest.approx(2 - 3.582, abs=1e-3)
+    higher = estimate([4.0, 5.0, 6.0])
+    assert higher is not None and higher.sure and not three.sure
+    assert estimate([5.0, None]) == Estimate(value=5.0, low=None, high=None, count=1) and estimate([None]) is None
+    assert not Estimate(value=5.0, low=None, high=None, count=1).sure
+    touching = [Estimate(value=low + 1, low=low, high=low + 2, count=3) for low in (-2.0, 0.0)]
+    assert not any(found.sure for found in touching), "an interval that ends at zero leaves a doubt"
+
+
 def test_one_seed_of_each_has_no_interval() -> None:
     assert difference([1.0], [2.0]) is None
     assert difference([], [2.0, 3.0]) is None
@@ -105,7 +135,16 @@ def test_how_many_seeds_would_decide() -> None:
     found = difference([10.0, 8.0, 12.0], [9.0, 7.0, 11.0])  # a difference of 1 in a spread of 2
     # n with t(2 n - 2) * 2 * sqrt(2 / n) < 1: 32 gives 0.9996 (t(62) = 1.9990), 31 gives 1.016.
     assert found is not None and not found.sure and found.seeds == 32
-    assert difference([1.0, 2.0], [1.0, 2.0]).seeds is None  # type: ignore[union-attr]
+    # t(198) * sqrt(2 / 100) = 0.2789 is the least that 100 seeds decide in a spread of 1: no more are counted.
+    assert [apart.seeds for apart in (_in_spread_of_one(0.279), _in_spread_of_one(0.278))] == [100, None]
+    # t(4) * sqrt(2 / 3) = 2.27 and t(2) * sqrt(2 / 2) = 4.30
+    assert [apart.seeds for apart in (_in_spread_of_one(4.2), _in_spread_of_one(4.4))] == [3, 2]
+
+
+def _in_spread_of_one(value: float) -> Difference:
+    found = difference([value - 1, value, value + 1], [-1.0, 0.0, 1.0])
+    assert found is not None
+    return found
 
 
 @pytest.mark.parametrize("seed", range(3))

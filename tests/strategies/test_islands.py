@@ -74,9 +74,21 @@ def test_the_weakest_island_begins_anew_from_the_best_of_another() -> None:
     # From then on it only improves its new children, even if they are worse than its old rewards.
     later = history.grown(entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
+    # That one of them is better than all does not make the other island the one that was weakest.
+    grew = history.grown(entries(RENEWAL, [0.0, 0.0, 9.0, 0.25]))
+    assert parents(asked(grew)) == [Place(0, 0), Place(RENEWAL, 2)]
     # If none of the children trained, the island begins anew once more.
     lost = history.grown(entries(RENEWAL, [0.0, 0.0, None, None]))
     assert parents(asked(lost)) == [Place(0, 0), Place(0, 0)]
+
+
+def test_an_island_that_begins_anew_takes_from_any_other_and_a_single_one_never_does() -> None:
+    four = Islands(samples=8)
+    lost = grown([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, None, None])
+    taken = {parents([*four.ask(lost, Random(seed))])[3] for seed in range(20)}
+    assert taken == {Place(0, 1), Place(0, 3), Place(0, 5)}
+    alone = grown(*[[5.0, 4.0, 1.0]] * RENEWAL, [0.5, 0.25, 0.0])
+    assert parents([*Islands(samples=3).ask(alone, Random(0))]) == [Place(0, 0)]
 
 
 def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
@@ -107,6 +119,7 @@ def test_an_island_on_which_nothing_trained_takes_from_another() -> None:
 def test_a_favourite_is_the_parent_on_all_islands() -> None:
     history = grown([1.0, 5.0, 2.0, 3.0]).heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 2))])
     assert parents(asked(history)) == [Place(0, 2)] * 2
+    assert not any(plan.crossover for seed in range(9) for plan in asked(history, seed)), "it takes two to combine"
 
 
 def test_the_model_is_asked_to_combine_both() -> None:

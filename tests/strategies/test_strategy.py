@@ -1,3 +1,4 @@
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -5,7 +6,7 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.strategies import Best, Eureka, Ranking, make, prompt_plan, sized
 from openeureka.testing.conformance.search import entries, grown
-from openeureka.types import History, Place, Remark, RemarkKind
+from openeureka.types import History, Place, Remark, RemarkKind, VerdictCode
 
 
 def shown(strategy, told: History) -> list[float | None]:
@@ -78,8 +79,23 @@ def test_a_favourite_is_told_of_where_it_is_the_parent() -> None:
     history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))])
     ranking = Ranking(history)
     other, own = history.generations[0].entries
-    told = [prompt_plan(1, turns, history, ranking).opinion.chosen for turns in ([other], [own], [])]
-    assert told == [False, True, False]
+    turns = ([other], [own], [own, other], [other, own], [])
+    assert [prompt_plan(1, shown, history, ranking).opinion.chosen for shown in turns] == [
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]
+    for strategy in (Eureka(samples=1), Best(samples=1)):
+        assert shown(strategy, history)[-1] == 4.0
+
+
+def test_votes_for_and_against_the_parent_are_told() -> None:
+    history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.VOTE, place=Place(0, 1), over=Place(0, 0))])
+    ranking = Ranking(history)
+    told = [prompt_plan(1, turns, history, ranking).opinion for turns in (*([e] for e in history.entries), [])]
+    assert [(opinion.won, opinion.lost) for opinion in told] == [(0, 1), (1, 0), (0, 0)]
 
 
 def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() -> None:
@@ -90,6 +106,10 @@ def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() 
         assert plan.failures == told.generations[-1].entries
         (plan,) = strategy.ask(told.grown(entries(2, [2.0])), Random(0))
         assert plan.failures == ()
+    refused, other = entries(1, [0.0, 0.0], refused=True)
+    screened = replace(other.sample, verdict=replace(other.sample.verdict, code=VerdictCode.SCREENED))
+    (plan,) = Best(samples=1).ask(grown([1.0]).grown([refused, replace(other, sample=screened)]), Random(0))
+    assert plan.failures == (refused,), "nothing is wrong with a reward that another was preferred to"
 
 
 @pytest.mark.parametrize(("name", "kind", "ranks"), [("eureka", Eureka, "training"), ("best", Best, "played")])
