@@ -129,6 +129,9 @@ def test_an_arm_may_be_another_one_with_a_change(tmp_path):
 def test_seeds_that_a_tuning_takes_are_no_other_search_s():
     with pytest.raises(ConfigError, match="Choose seeds at least 7 apart"):
         Plan(tasks=("cartpole",), seeds=(0, 4), arms={"a": {}}, settings={"tune": 8, "model": "random", "seeds": 3})
+    assert Plan(tasks=("cartpole",), seeds=(0, 4), arms={"a": {"seeds": 3}}).seeds == (0, 4)  # 0 to 3, and 4 to 7
+    with pytest.raises(ConfigError, match="Choose seeds at least 6 apart"):
+        Plan(tasks=("cartpole",), seeds=(0, 4), arms={"a": {"seeds": 3}, "b": {"seeds": 5}})
 
 
 def test_a_plan_that_is_not_there_is_named(tmp_path):

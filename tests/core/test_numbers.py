@@ -9,6 +9,7 @@ def test_columns_are_as_wide_as_their_widest_cell():
 
 def test_numbers_and_durations_for_people():
     assert (number(None), number(498.76543), number(-0.000123456)) == ("-", "498.8", "-0.0001235")
+    assert (number(123_456.0), number(999_400.0), number(1_500_000.0)) == ("123500", "999400", "1.5e+06")
     assert (dollars(0.0), dollars(0.00012), dollars(1234.5)) == ("0", "0.0001", "1,234.50")
     assert (duration(41.6), duration(185), duration(7810)) == ("42 s", "3 min 05 s", "2 h 10 min")
 

@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from openeureka.score import Outcome, SeedScores, clipped, human_normalised, pooled, rank
+from openeureka.score import Outcome, SeedScores, clipped, excess, gain, human_normalised, pooled, rank
 from openeureka.types import Evaluation
 
 
@@ -64,3 +64,46 @@ def test_looks_whose_episodes_were_lost_weigh_nothing() -> None:
     some = Evaluation(lane="a", fitness=2.0, episode_length=6.0, episodes=4, lost=4)
     assert pooled([none, none]) == dataclasses.replace(none, lost=16)
     assert pooled([none, some]) == dataclasses.replace(some, lost=12)
+
+
+def test_the_excess_is_a_sum_of_shares_of_the_limits_that_are_broken() -> None:
+    costs = {"torque": 45.0, "power": 30.0, "falls": 0.25, "tilt": 1.0}
+    score = Evaluation(lane="a", fitness=1.0, episode_length=1.0, episodes=8, costs=costs)
+    # 5 / 40 + 10 / 20; a limit of zero has no shares.
+    assert excess(score, {"torque": 40.0, "power": 20.0, "tilt": 2.0}) == pytest.approx(0.625)
+    assert excess(score, {"falls": 0.0}) == pytest.approx(0.25)
+
+
+def test_the_gain_of_one_policy_over_another_by_hand() -> None:
+    own = Evaluation(lane="a", fitness=5.0, error=0.3, episode_length=1.0, episodes=8)
+    other = Evaluation(lane="b", fitness=3.0, error=0.4, episode_length=1.0, episodes=6)
+    # Errors of 0.3 and 0.4 are 0.5 together: half = 1.96 * 0.5.
+    found = gain(own, other)
+    assert found is not None and found.sure and found.count == 6
+    assert (found.value, found.low, found.high) == pytest.approx((2.0, 1.02, 2.98), abs=1e-3)
+    unknown = dataclasses.replace(other, error=None)
+    for pair in ((own, unknown), (unknown, own)):
+        found = gain(*pair)
+        assert found is not None and found.low is None and not found.sure
+    assert gain(own, dataclasses.replace(other, fitness=None)) is None
+
+
+@pytest.mark.parametrize(
+    ("method", "human", "word"),
+    [
+        ((5.0, 5.1), (1.0, 1.1), "better"),
+        ((1.0, 1.1), (5.0, 5.1), "worse"),
+        ((1.0, 9.0), (2.0, 7.0), "not decided"),
+        ((5.0, 5.0), (5.0, 5.0), "no difference"),
+        ((0.0, 0.1), (0.1, 0.0), "nothing learnt"),  # untrained policies score as much
+        ((5.0, 5.1), (None, None), ""),
+        ((None, None), (5.0, 5.1), ""),
+        ((5.0,), (1.0, 1.1), "not decided"),  # one seed
+    ],
+)
+def test_the_verdict_in_a_word(method, human, word) -> None:
+    untrained = (0.0, 0.1, 0.05) if word in ("nothing learnt", "no difference") else ()
+    found = Outcome(
+        best=None, method=SeedScores(held_out=method), human=SeedScores(held_out=human), untrained=untrained
+    )
+    assert found.word == word

@@ -1,6 +1,7 @@
 """What is kept of a training that is stopped, or fails, while its results come."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,13 +9,24 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.events import Event, nobody
 from openeureka.method.lanes import Lanes
-from openeureka.method.seeds import beside, deal
+from openeureka.method.seeds import beside, deal, final_seeds, polish_seeds, tuning_seeds, unused_seed
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult
 
 LANES = deal(beside(RunConfig()), [0, 1], "baseline")
+
+
+def test_no_seed_has_two_tasks() -> None:
+    """What one step of a run chooses, the next judges with other seeds; after all of them come unused ones."""
+    run = RunConfig(seed=10, seeds=3, polish=2, tune=4)
+    ranges = final_seeds(run), polish_seeds(run), tuning_seeds(run)
+    assert [run.seed, *(seed for own in ranges for seed in own)] == list(range(10, 19))
+    assert [len(own) for own in ranges] == [3, 2, 3] and unused_seed(run) == 19
+    assert unused_seed(replace(run, tune=0)) == 16
+    alone = RunConfig(seed=10, seeds=3, tune=4, model="none")  # a tuning of a given reward: no search
+    assert tuning_seeds(alone) == range(11, 14)
 
 
 class Sends(ToyTrainer):

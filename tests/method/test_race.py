@@ -72,6 +72,17 @@ def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: 
     assert again == {spec(8, 1), spec(8.5, 1), spec(9, 1), "human-s1"}
 
 
+def test_one_that_broke_a_limit_in_the_search_does_not_train_again(tmp_path: Path) -> None:
+    class Costly(ToyTrainer):
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                yield dataclasses.replace(score, costs={"torque": 50.0 if score.lane.startswith(spec(8.5, 0)) else 5.0})
+
+    trainer = Costly(error=1.0)
+    go(tmp_path, trainer, [8, 8.5], seeds=2, limits="torque=10")
+    assert {name for name in trainer.trained if name.endswith("-s1")} == {spec(8, 1), "human-s1"}
+
+
 def test_a_reward_that_is_written_twice_races_once(tmp_path: Path) -> None:
     again = reply(9).replace("    return", "    # the same in other words\n    return")
     trainer = ToyTrainer(error=1.0)
@@ -103,6 +114,8 @@ def test_the_difference_allows_for_the_best_having_been_picked_and_for_every_loo
     outcome = go(tmp_path, Lucky(error=1.0, said=said), [8, 9], seeds=3)
     (rival,) = outcome.rivals.values()
     assert len(outcome.method.scores) == len(rival.scores) == 3
+    # Both are left at the end. The means are 9 - 5 / 3 and 8 - 5 / 3: the leader wins.
+    assert outcome.best is not None and outcome.best.sample.place == Place(0, 1)
     # Two contenders; the last look may spend nine tenths of the error probability.
     assert outcome.difference == difference(outcome.method.scores, outcome.human.scores, [rival.scores], claims=2 / 0.9)
 

@@ -112,6 +112,9 @@ def test_of_equals_the_earlier_slot_trains():
 def test_a_reward_that_pays_the_same_everywhere_comes_last():
     found = choose([rated(0, [1, 1, 1], None), rated(1, [1, 2, 3])], [rated(5, [1, 2, 3])], [1])
     assert not found[Place(1, 0)].kept and "the same in every recorded state" in found[Place(1, 0)].reason
+    # Nothing is like it, either.
+    (alone,) = choose([rated(1, [1, 2, 3])], [rated(5, [1, 1, 1], None)], [1]).values()
+    assert alone.kept and alone.nearest is None
 
 
 @pytest.mark.parametrize(
@@ -129,6 +132,29 @@ def test_agreement_only_drops_what_is_clearly_wrong(agreements: tuple[float | No
     fresh = [rated(slot, pay, agreement) for slot, (pay, agreement) in enumerate(zip(pays, agreements, strict=True))]
     found = choose(fresh, [], [2])
     assert [found[Place(1, slot)].kept for slot in range(3)] == kept
+
+
+def test_agreement_of_unknown_error_drops_nothing():
+    few = replace(rated(2, [1, -1, -1, 1], -0.9), error=None)
+    found = choose([rated(0, [1, 2, 3, 4], 0.95), rated(1, [1, 2, 3, 4.1], 0.93), few], [], [2])
+    assert [found[Place(1, slot)].kept for slot in range(3)] == [True, False, True]
+
+
+def test_of_many_recorded_lanes_some_from_the_worst_to_the_best_are_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    class Sees(ToyTrainer):
+        def rewards(self, env, programs, episodes):
+            seen.append([float(np.mean(own.fitness)) for own in episodes])
+            return super().rewards(env, programs, episodes)
+
+    seen: list[list[float]] = []
+    search(tmp_path / "all", Sees())
+    monkeypatch.setattr("openeureka.method.screen.WITNESSES", 3)
+    search(tmp_path / "some", Sees())
+    every, some = seen
+    assert len(set(every)) == 4 and every == sorted(every)
+    assert some == [every[0], every[2], every[3]]  # evenly spaced places 0, 1.5 and 3, rounded to even
 
 
 def test_a_generation_trains_no_less_than_without_a_screen():

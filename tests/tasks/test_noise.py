@@ -33,6 +33,14 @@ def test_the_generator_is_splitmix64():
     assert [number % 2**64 for number in noise._mix(states).tolist()] == expected
 
 
+def test_the_numbers_of_a_seed_stay_what_they_are():
+    # Seed 7, computed with Python's integers; numbers are 24 bits.
+    stream = WorldNoise([7], worlds=2, device=CPU)
+    first, second = ((stream.uniform(every(2), 2) * 2**24).long().tolist() for _ in range(2))
+    assert first == [[406651, 5232921], [2881272, 3464250]]
+    assert second == [[11188433, 16696346], [12405742, 15862478]]
+
+
 def test_numbers_are_uniform_and_uncorrelated():
     stream = WorldNoise([0], worlds=20_000, device=CPU)
     a, b = stream.uniform(every(20_000), 2, -1.0, 3.0), stream.uniform(every(20_000), 2, -1.0, 3.0)

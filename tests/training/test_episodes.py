@@ -144,7 +144,7 @@ def test_a_score_that_is_not_defined_counts_nowhere_without_weight(monkeypatch: 
 
 
 @pytest.mark.usefixtures("lasting")
-def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
+def test_a_policy_that_was_played_tells_what_programs_would_have_paid(monkeypatch: pytest.MonkeyPatch):
     (score,) = evaluate("cartpole", {"a": learnt()}, seed=0, episodes=8, record=["a"], threads=1)
     own = score.recorded
     assert own is not None and len(own.fitness) == 8
@@ -155,7 +155,10 @@ def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
     paid = LocalExecutor(threads=1).rewards("cartpole", {"angle": ANGLE, "fails": FAILS}, [own, own])
     assert set(paid) == {"angle"}
     assert paid["angle"] == pytest.approx([*(-angles.abs()).tolist()] * 2)
-    assert dict(rewards("cartpole", {"angle": ANGLE}, [own])) == {"angle": pytest.approx((-angles.abs()).tolist())}
+    alone = {"angle": pytest.approx((-angles.abs()).tolist())}
+    assert dict(rewards("cartpole", {"angle": ANGLE}, [own])) == alone
+    monkeypatch.setattr(episodes, "TOGETHER", 7)  # several batches
+    assert len(angles) > 14 and dict(rewards("cartpole", {"angle": ANGLE}, [own])) == alone
 
 
 @pytest.mark.parametrize("env", ["cartpole", "ant", "quadcopter", "shadow_hand_over"])
