@@ -106,6 +106,14 @@ def test_a_tie_of_zeros_is_no_draw():
     assert "better than the human one on 1 of them, level on 0, worse on 0." in told
     assert "worse on 0. On 1, neither reward is shown to do better than no training." in told
     assert "On 1 more tasks the same seeds" in told and told.endswith("on 1, equal on 0, below on 0.")
+    measured |= {"anymal": row([1.0, 2.0], [2.0, 1.0], [0.0, -1.0, 1.0]), "cartpole": row([2.0], [1.0], None)}
+    told = table.summary(measured)
+    assert told.endswith(
+        "On 3 more tasks the same seeds picked the reward and score it. There it is "
+        "above the human one's on 2, equal on 1, below on 0."
+    )
+    assert "On 1 it is not known, as one seed trained." in told
+    measured = {env: measured[env] for env in ("ant", "shadow_hand_kettle")}
     links = [f"[{name}](../../benchmarks/headline/rewards/{name}.py)" for name in ("ant", "shadow_hand_kettle")]
     assert [line[0] for line in table.rows(measured)] == links
 
@@ -141,6 +149,7 @@ def test_the_longest_trainings_decide_a_row_and_shorter_ones_stay_in_the_table()
     assert table.ending(own) == "better" and "better than the human one on 1 of them" in table.summary({"ant": own})
     told = [tuple(line[1:3]) for line in table.data({"ant": own}) if line[4] == "generated"]
     assert told == [("1000", "race")] * 2 + [("1000", "other")] * 2 + [("3000", "other")] * 2
+    assert {line[3] for line in table.data({"ant": own})} == {"no"}, "none of them played with noise"
 
 
 def test_a_row_that_is_known_trains_again_only_for_more_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

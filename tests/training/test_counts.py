@@ -67,8 +67,8 @@ def test_what_is_not_finite_or_broken_down_visits_nothing():
 
 
 def test_the_spread_is_that_of_all_rewards_so_far_and_1_where_there_is_none():
-    own = torch.tensor([[1.0, 3.0], [5.0, 5.0], [math.nan, 1.0], [3e38, -3e38], [1e5, 1e5 + 1.0]])
-    assert spread(moments(own, own)).tolist() == pytest.approx([1.0, 1.0, 1.0, 3e38, 0.5])
+    own = torch.tensor([[1.0, 3.0], [5.0, 5.0], [0.0, 0.0], [math.nan, 1.0], [3e38, -3e38], [1e5, 1e5 + 1.0]])
+    assert spread(moments(own, own)).tolist() == pytest.approx([1.0, 1.0, 1.0, 1.0, 3e38, 0.5])
 
 
 def test_rare_progress_pays_in_the_spread_of_the_own_reward_and_shows_in_no_curve():

@@ -290,12 +290,16 @@ def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike, mon
 
 
 def test_correlation_is_pearsons():
-    x = torch.tensor([[1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 1.0, 1.0]])
-    y = torch.tensor([[2.0, 4.0, 5.0, 4.0], [1.0, 2.0, 3.0, 4.0]])
+    x = torch.tensor([[1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
+    y = torch.tensor([[2.0, 4.0, 5.0, 4.0], [1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0]])
     sums = moments(x, y)
     # Lane 0: means 2.5 and 3.75, covariance sum 3.5, squares 5 and 4.75: 3.5 / sqrt(23.75) = 0.71818.
     assert correlation(sums[0]) == pytest.approx(0.71818, abs=1e-5)
-    assert correlation(sums[1]) is None
+    assert [correlation(moments(one, other)[0]) for one, other in ((x, 1e-4 * y), (1e-4 * x, y))] == pytest.approx(
+        [0.71818] * 2, abs=1e-5
+    )  # in any unit
+    assert correlation(sums[1]) is correlation(sums[2]) is None
+    assert correlation(moments(y, x)[1]) is correlation(moments(y, x)[2]) is None
 
 
 def step_of(score: Score, ended: bool) -> Step:
