@@ -79,14 +79,9 @@ def test_a_favourite_is_told_of_where_it_is_the_parent() -> None:
     history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))])
     ranking = Ranking(history)
     other, own = history.generations[0].entries
-    turns = ([other], [own], [own, other], [other, own], [])
-    assert [prompt_plan(1, shown, history, ranking).opinion.chosen for shown in turns] == [
-        False,
-        True,
-        False,
-        True,
-        False,
-    ]
+    conversations = ([other], [own], [own, other], [other, own], [])
+    told = [prompt_plan(1, turns, history, ranking).opinion.chosen for turns in conversations]
+    assert told == [False, True, False, True, False]
     for strategy in (Eureka(samples=1), Best(samples=1)):
         assert shown(strategy, history)[-1] == 4.0
 
