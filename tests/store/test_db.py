@@ -189,6 +189,8 @@ def test_rows_are_inserted_all_or_none(database: Database) -> None:
         (sqlite3.OperationalError("database or disk is full"), "free some space"),
         (PermissionError(errno.EACCES, "Permission denied"), "check its permissions"),
         (sqlite3.OperationalError("attempt to write a readonly database"), "check its permissions"),
+        (sqlite3.OperationalError("disk I/O error"), "check your disk quota and `ulimit -f`"),
+        (OSError(errno.EFBIG, "File too large"), "check your disk quota and `ulimit -f`"),
         (sqlite3.DatabaseError("database disk image is malformed"), "restore it from a copy"),
     ],
 )

@@ -249,7 +249,24 @@ def test_a_run_cannot_begin_in_a_directory_without_rights(foreign: Path):
 
 def test_a_run_that_nobody_else_may_read_says_so(foreign: Path):
     (foreign / db.FILENAME).chmod(0)
-    assert "check its permissions" in as_nobody(lambda: read_config(foreign))
+    assert "cannot be read; check its permissions" in as_nobody(lambda: read_config(foreign))
+
+
+def test_who_may_write_the_folder_but_not_the_run_leaves_no_index_that_would_end_it(foreign: Path):
+    foreign.chmod(0o777)
+    assert as_nobody(lambda: read_config(foreign).env) == "toy"
+    assert "cannot be written" in as_nobody(lambda: Store.visit(foreign))
+    assert not list(foreign.glob(f"{db.FILENAME}-*"))
+
+
+def test_a_group_may_write_all_of_a_run_that_began_with_such_a_umask(tmp_path: Path):
+    before = os.umask(0o002)
+    try:
+        search_in(tmp_path / "run")
+    finally:
+        os.umask(before)
+    files = [path for path in (tmp_path / "run").rglob("*") if path.is_file()]
+    assert {path.name: oct(path.stat().st_mode & 0o777) for path in files} == {path.name: "0o664" for path in files}
 
 
 def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

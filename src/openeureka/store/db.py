@@ -14,7 +14,7 @@ import re
 import sqlite3
 import stat
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -111,13 +111,15 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if number in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
         return f"The file system of {directory} has no file locks, which a run needs; choose another dir=."
     if isinstance(error, PermissionError) or number == errno.EROFS or "readonly" in text or "unable to open" in text:
-        return f"{directory} cannot be written; check its permissions or choose another dir=."
+        return f"{directory} cannot be written; check its permissions, work on a copy or choose another dir=."
     if "not a database" in text or "malformed" in text:
         return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
     if isinstance(error, sqlite3.DataError):
         return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
     if "is locked" in text:
         return f"Another program is writing to {directory / FILENAME}; close it and try again."
+    if number == errno.EFBIG or "disk I/O error" in text:  # the latter is all that SQLite says of a quota
+        return f"{directory} cannot be read or written ({text}); check your disk quota and `ulimit -f`, and continue."
     return f"The run in {directory} cannot be read or written: {text}."
 
 
@@ -130,9 +132,18 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
         if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
             raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it, or choose another dir=.")
-    if not writable and not os.access(directory, os.W_OK):
+    if not path.exists():
+        if writable:  # SQLite itself would make a file that a group may not write, whatever the umask
+            with suppress(FileExistsError):
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    elif not os.access(path, os.R_OK):
+        raise StoreError(f"{short_path(path)} cannot be read; check its permissions, or ask its owner for a copy.")
+    elif writable and not os.access(path, os.W_OK):  # SQLite would notice it later, and leave an index, see below
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    if not writable and not (os.access(directory, os.W_OK) and os.access(path, os.W_OK)):
         # A reader of a file in WAL mode makes its index beside it. Where that is not allowed, nobody writes either, so
-        # the file may be opened as immutable.
+        # the file may be opened as immutable. A reader who may write the folder alone could not remove the index again,
+        # and its owner could not write it: the run would not go on.
         waiting, index = (path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm"))
         if not waiting.exists():
             return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
