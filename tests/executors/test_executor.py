@@ -350,6 +350,7 @@ def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker(
         ("SIGSEGV", "It was ended by SIGSEGV."),
         ("SIGKILL", "when memory runs out: use fewer worlds="),
         ("SIGSTOP", "did not answer in time"),
+        ("RLIMIT_AS", "MemoryError Raise `ulimit -v`, or use fewer worlds="),
     ],
 )
 def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, monkeypatch: pytest.MonkeyPatch):

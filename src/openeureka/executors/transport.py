@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -25,6 +26,8 @@ FAREWELL, LONGEST_FAREWELL = 10.0, 100.0
 """[s] that a worker may take for a last snapshot when a training is stopped: the first as a rule, the second with long
 epochs. It notices the stop once an epoch, or once a second. Slurm, as the guide to clusters sets it, kills after two
 minutes."""
+_NO_MEMORY = re.compile(r"allocate memory|MemoryError|bad_alloc|failed to map segment")
+"""What Python, torch, MuJoCo and the loader of libraries say where the address space is limited."""
 
 
 class Seat(NamedTuple):
@@ -140,7 +143,9 @@ class ProcessCall:
             frame = self.worker.receive(self._silence if self.worker.ready(0.0) else 0.0)
         except (WorkerDied, WorkerTimeout) as error:
             ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
-            parts = (f"Training stopped: {error}", ending, self.worker.last_words())
+            words = self.worker.last_words()
+            advice = "Raise `ulimit -v`, or use fewer worlds= or a smaller sample=." if _NO_MEMORY.search(words) else ""
+            parts = (f"Training stopped: {error}", ending, words, advice)
             raise WorkerError(" ".join(filter(None, parts))) from None
         self._heard = time.monotonic()
         if "broken" in frame.header:
