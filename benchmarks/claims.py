@@ -33,8 +33,8 @@ from openeureka.stats import mean, pooled, quantile
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
 ROWS = load(table.PLAN).per_task
-LONGER = tuple(env for env in load(longer.PLAN).tasks if env != "ant")
-"""Tasks whose second prompt a longer search sent: all that have such a search, except Ant, which was asked before."""
+LONGER = tuple(env for env in load(longer.PLAN).tasks if not (REPLIES / f"{env}.json").exists())
+"""Tasks whose second prompt a longer search sent: all that have such a search, except those that were asked before."""
 STEPS = {env: ROWS[env]["steps"] for env in ("ant", "ballbalance", "quadcopter", *LONGER)}
 """Environment steps of each lane: those of the task's row."""
 SEED = 300
