@@ -9,7 +9,7 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.events import Event, nobody
 from openeureka.method.lanes import Lanes
-from openeureka.method.seeds import beside, deal, final_seeds, polish_seeds, tuning_seeds, unused_seed
+from openeureka.method.seeds import beside, deal, final_lanes, final_seeds, polish_seeds, tuning_seeds, unused_seed
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
@@ -29,8 +29,16 @@ def test_no_seed_has_two_tasks() -> None:
     assert tuning_seeds(alone) == range(11, 14)
 
 
+def test_the_first_training_of_a_baseline_counts_once_it_has_a_score() -> None:
+    run, trained = RunConfig(seeds=2), {"human-s0", "human-s1", "sparse-s0"}
+    assert final_lanes(run, [], trained, {"human-s0"}) == {"human": ["human-s0", "human-s1"], "sparse": []}
+    assert final_lanes(run, [], trained, {}) == {"human": ["human-s1"], "sparse": []}
+
+
 class Sends(ToyTrainer):
     """Has every result when it is stopped, like workers whose training has ended."""
+
+    stopped = False
 
     def train(
         self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
@@ -42,6 +50,7 @@ class Sends(ToyTrainer):
                 told += 1
                 yield event
         except KeyboardInterrupt:
+            self.stopped = True
             yield from (event for event in events[told:] if isinstance(event, TrainingResult))
             raise
 
@@ -84,10 +93,11 @@ def test_a_result_that_was_being_kept_at_ctrl_c_is_kept(tmp_path: Path, monkeypa
         save(log, results)
 
     monkeypatch.setattr(LaneLog, "save_results", interrupted)
+    trainer = Sends()
     with Store.open(tmp_path, RunConfig()) as store:
         with pytest.raises(KeyboardInterrupt):
-            Lanes(RunConfig(), store, Sends(), nobody).train(LANES)
-        assert len(store.lanes.results()) == 4
+            Lanes(RunConfig(), store, trainer, nobody).train(LANES)
+        assert len(store.lanes.results()) == 4 and trainer.stopped
 
 
 def test_who_trains_is_told_of_the_end_also_where_somebody_keeps_the_error(tmp_path: Path):

@@ -17,7 +17,7 @@ from openeureka.score import Outcome
 from openeureka.stats import difference
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
+from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place, TrainingState
 
 
 @dataclass
@@ -146,6 +146,21 @@ def test_who_left_to_a_leader_that_breaks_a_limit_is_back(tmp_path: Path) -> Non
 def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() -> None:
     assert race.running({"a": [], "b": [9.0, 10.0], "human": [5.0, 5.1]}, ["a", "b"]) == ["b"]
     assert race.running({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]
+
+
+def test_a_final_training_that_diverged_is_one_score_less(tmp_path: Path) -> None:
+    class Diverges(ToyTrainer):
+        def result(self, lane: LaneSpec):
+            result = super().result(lane)
+            if lane.id != lost:
+                return result
+            none = {"fitness": None, "best_fitness": None, "best_reward": None, "last": None}
+            return dataclasses.replace(result, state=TrainingState.DIVERGED, message="not a number", **none)
+
+    lost = spec(8, 1)
+    outcome = go(tmp_path, Diverges(), [7, 8], seeds=3)
+    assert outcome.best is not None and outcome.best.sample.place == Place(0, 1)
+    assert outcome.method.held_out == (None, pytest.approx(7.02), pytest.approx(7.03))
 
 
 def drawn(random: Random, names: list[str], seeds: int) -> bool:

@@ -181,16 +181,34 @@ def test_a_run_that_is_killed_between_two_cuts_says_the_same_of_both(
 
 def test_a_lane_that_ended_early_takes_few_episodes_from_the_others():
     def trained(steps: int) -> TrainingResult:
-        curves = {"episode_length": (100.0,)}
+        curves = {"episode_length": (None, 40.0, 100.0, 60.0)}
         state = TrainingState.FINISHED
         return TrainingResult(lane="-", state=state, fitness=1.0, curves=curves, env_steps=steps, seconds=1.0)
 
     assert affordable([trained(120_000)] * 8, 3) == 20  # 2 looks x 3 policies x 20 episodes x 100 steps
     assert affordable([*[trained(120_000)] * 7, trained(0)], 3) == 17
+    assert affordable([trained(120_000)] * 8, 1) == 60
     # At least 8, even if they take more than a tenth of the steps, and at most 64.
     assert (affordable([trained(1_000)] * 8, 3), affordable([trained(10**9)] * 8, 3)) == (8, 64)
     endless = replace(trained(120_000), curves={"episode_length": (None, None)})
     assert affordable([endless] * 8, 3) == 8  # no episode ended in the training, so its length is unknown
+
+
+def test_a_look_on_the_way_costs_no_more_than_one_at_the_end(tmp_path: Path):
+    class Counts(ToyTrainer):
+        def result(self, lane):
+            curves = {**super().result(lane).curves, "episode_length": (100.0,) * 3}
+            return replace(super().result(lane), env_steps=120_000, curves=curves)
+
+        def evaluate(self, env, policies, *, episodes=0, **options):
+            played.append(len(policies) * episodes)
+            return super().evaluate(env, policies, episodes=episodes, **options)
+
+    played: list[int] = []
+    search(tmp_path / "run", Counts())
+    # Of 8 candidates and 2 baselines, first the newest policy of each plays 60 episodes, and 6 and 4 at later rungs.
+    # In the end three policies of each play 20.
+    assert played[:4] == [600, 360, 240, 600]
 
 
 def test_a_lane_whose_state_was_lost_begins_anew(tmp_path: Path):

@@ -157,6 +157,27 @@ def test_of_many_recorded_lanes_some_from_the_worst_to_the_best_are_used(
     assert some == [every[0], every[2], every[3]]  # evenly spaced places 0, 1.5 and 3, rounded to even
 
 
+def test_a_recorded_lane_with_an_undefined_f_stands_below_all_others(tmp_path: Path):
+    """F of the human reward's policy (9) is defined in none of its episodes, of the sparse one's (4) only in one."""
+
+    class Undefined(ToyTrainer):
+        def evaluate(self, env, policies, **options):
+            for score in super().evaluate(env, policies, **options):
+                own, known = score.recorded, {"human": (None, None), "sparse": (None, 4.1)}
+                fitness = known.get(score.lane.partition("-")[0])
+                lost = replace(own, fitness=fitness) if own is not None and fitness else own
+                yield replace(score, recorded=lost)
+
+        def rewards(self, env, programs, episodes):
+            seen.extend(own.fitness for own in episodes)
+            return super().rewards(env, programs, episodes)
+
+    seen: list[tuple[float | None, ...]] = []
+    search(tmp_path / "run", Undefined())
+    # The two candidates return 4 and 6. Played, a reward scores one less, and 0.1 more in its second episode.
+    assert seen == [(None, None), (3.0, pytest.approx(3.1)), (None, 4.1), (5.0, pytest.approx(5.1))]
+
+
 def test_a_generation_trains_no_less_than_without_a_screen():
     found = choose([rated(0, [1, 2], 0.9), rated(1, [1, 2], -0.9), rated(2, [1, 2], -0.4)], [], [2])
     assert [found[Place(1, slot)].kept for slot in range(3)] == [True, False, True]
