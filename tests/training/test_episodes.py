@@ -16,6 +16,8 @@ from openeureka.training.evaluate import evaluate
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_score, unpack_score
 from openeureka.types import (
+    NOMINAL,
+    Dynamics,
     Episodes,
     LaneSpec,
     Node,
@@ -141,6 +143,17 @@ def test_a_score_that_is_not_defined_counts_nowhere_without_weight(monkeypatch: 
     trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8 * 4, worlds=8))
     (result,) = (event for event in trained.train() if isinstance(event, TrainingResult))
     assert result.state is TrainingState.FINISHED and result.fitness is not None
+
+
+def test_a_task_without_changed_worlds_has_one_score_for_each_policy(monkeypatch: pytest.MonkeyPatch):
+    policy = learnt()
+    (known,) = evaluate("cartpole", {"own": policy}, seed=0, episodes=8, threads=1)
+    monkeypatch.setattr(Cartpole, "steps_itself", True)
+    own, worlds = {"own": policy, "heavy": policy}, {"own": NOMINAL, "heavy": Dynamics(mass=1.5)}
+    scores = evaluate("cartpole", own, seed=0, episodes=8, dynamics=worlds, threads=1)
+    assert sorted((one.lane, one.fitness, one.episodes) for one in scores) == [
+        *(("heavy", None, 0), ("own", known.fitness, 8)),
+    ]
 
 
 @pytest.mark.usefixtures("lasting")

@@ -475,8 +475,9 @@ def test_a_policy_that_seldom_succeeds_is_no_peak_because_its_successes_come_fir
         return next(message for message in messages if isinstance(message, TrainingResult))
 
     found = train(12)
-    assert found.curves["fitness"][:7] == (None,) * 7 and found.best_fitness is not None
-    assert found.best_fitness.epoch >= 7 and found.fitness == pytest.approx(1 / 8, abs=0.05)
+    assert found.curves["fitness"][:7] == (None,) * 7 and None not in found.curves["fitness"][7:]
+    assert found.best_fitness is not None and found.best_fitness.epoch >= 7
+    assert found.fitness == pytest.approx(1 / 8, abs=0.05)
     short = train(3).curves["fitness"]  # too short to wait: only the last epoch has an F
     assert short[:2] == (None, None) and short[2] is not None
     assert train(12, until=0.25).fitness is None
@@ -574,15 +575,28 @@ def test_what_a_part_of_a_training_newly_remembers_is_kept(monkeypatch: pytest.M
     assert second.curves.seen == 7
 
 
-def test_a_lane_that_paused_keeps_what_its_task_remembers(tmp_path: Path):
-    """`level` counts the steps of each world; no reset writes it."""
+@pytest.fixture
+def levels(tmp_path: Path) -> str:
+    """A task whose memory `level` counts the steps of each world, and is its F; no reset writes it."""
     text = LUCKY.replace('memory = ("lucky",)', 'memory = ("lucky", "level")')
+    text = text.replace("self.lucky =", "self.level = torch.zeros(self.num_envs); self.lucky =")
+    text = text.replace("mean_over_episodes(self.lucky, ended)", "mean_over_steps(self.level)")
     count = "\n    def outcome(self, s):\n        self.level = self.level + 1.0\n"
-    (tmp_path / "levels.py").write_text(
-        f"{text}{count}".replace("self.lucky =", "self.level = torch.zeros(self.num_envs); self.lucky =")
-    )
-    env, specs = f"{tmp_path}/levels.py", [LaneSpec(id=name, program="human", seed=i) for i, name in enumerate("ab")]
-    first = Population(env, specs, dataclasses.replace(SMALL, until=0.5), threads=1)
+    (tmp_path / "levels.py").write_text(f"{text}{count}".replace("mean_over_episodes", "mean_over_steps"))
+    return f"{tmp_path}/levels.py"
+
+
+def test_fitness_of_steps_is_averaged_over_as_many_epochs_as_an_episode_lasts(levels: str):
+    budget = dataclasses.replace(SMALL, env_steps=16 * 32 * 6)
+    messages = Population(levels, [LaneSpec(id="a", program="human")], budget, threads=1).train()
+    (found,) = (message for message in messages if isinstance(message, TrainingResult))
+    # An episode takes 64 steps: four epochs of 16. Steps 1 to 64 have the mean 32.5, 17 to 80 48.5, 33 to 96 64.5.
+    assert found.curves["fitness"] == (None, None, None, 32.5, 48.5, 64.5)
+
+
+def test_a_lane_that_paused_keeps_what_its_task_remembers(levels: str):
+    specs = [LaneSpec(id=name, program="human", seed=i) for i, name in enumerate("ab")]
+    first = Population(levels, specs, dataclasses.replace(SMALL, until=0.5), threads=1)
     states = {x.lane: x.paused for x in first.train() if isinstance(x, TrainingResult)}
     (alone,) = [dataclasses.replace(spec, paused=states[spec.id]) for spec in specs[1:]]
-    assert Population(env, [alone], SMALL, threads=1).env.task.level.tolist() == [32.0] * 32
+    assert Population(levels, [alone], SMALL, threads=1).env.task.level.tolist() == [32.0] * 32

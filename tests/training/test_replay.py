@@ -77,6 +77,22 @@ def test_rewards_that_pick_by_a_mask_run_beside_those_that_are_recorded():
         assert means[:, 1].tolist() == pytest.approx([float(x) for x in expected], abs=1e-7)  # means may cancel
 
 
+def test_every_lane_reads_a_constant_of_the_task_whole():
+    simulation = make("ant", worlds=3, lane_seeds=(0, 0), threads=1)
+    simulation.reset()
+    nodes = (
+        Node("input", ("dof_limits_upper",)),
+        Node("sum.default", ({"ref": 0},)),
+        Node("input", ("actions",)),
+        Node("select.int", ({"ref": 2}, 1, 0)),
+        Node("add.Tensor", ({"ref": 3}, {"ref": 1})),
+    )
+    graph = RewardGraph(nodes=nodes, reward=4, components=())
+    own, *_ = LaneRewards(simulation.task, [graph, graph], 3)(simulation.step(torch.zeros(6, 8)).state)
+    # Hips turn by 40 degrees at most. Of the ankles two reach 100 and two -30: 4 * 40 + 2 * 100 - 2 * 30 degrees.
+    assert own.flatten().rad2deg().tolist() == pytest.approx([300.0] * 6)
+
+
 @pytest.mark.parametrize("bonus", ["none", "progress"])
 def test_a_step_of_training_asks_a_gpu_nothing(bonus):
     specs = [LaneSpec(id="a", program=program(1.0, "progress_a")), LaneSpec(id="b", program="human")]
