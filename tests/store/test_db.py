@@ -1,4 +1,5 @@
 import errno
+import math
 import os
 import sqlite3
 from pathlib import Path
@@ -22,7 +23,7 @@ REPLY = {
     "slot": 0,
     "text": "t",
     "model": "m",
-    "prompt_tokens": 1,
+    "prompt_tokens": 2_000_000,
     "completion_tokens": 1,
     "cost_usd": 0.0,
     "seconds": 0.0,
@@ -179,6 +180,23 @@ def test_rows_are_inserted_all_or_none(database: Database) -> None:
     with pytest.raises(sqlite3.IntegrityError):
         database.put("replies", REPLY | {"slot": 1}, REPLY | {"slot": 1})
     assert database.rows("replies") == []
+
+
+@pytest.mark.parametrize(
+    ("table", "row"),
+    [
+        ("replies", REPLY | {"slot": -1}),
+        ("replies", REPLY | {"slot": 1_000_000}),
+        ("replies", REPLY | {"completion_tokens": "many"}),
+        ("replies", REPLY | {"cost_usd": math.inf}),
+        ("verdicts", {"candidate": None, "source": "", "verdict": "{}"}),  # which SQLite allows in a key
+        ("verdicts", {"candidate": "../a", "source": "", "verdict": "{}"}),
+    ],
+)
+def test_a_row_that_no_run_writes_is_not_read(database: Database, table: str, row: dict[str, object]) -> None:
+    database.put(table, row)
+    with pytest.raises(StoreError, match="holds a row that was changed"):
+        database.rows(table)
 
 
 @pytest.mark.parametrize(

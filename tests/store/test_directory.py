@@ -58,6 +58,9 @@ def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
         assert is_asked_to_stop(tmp_path / "run")
         (tmp_path / "run" / LOCK).write_text(f"{boot} a-container\n")  # this machine's boot id, another host name
         Store.view(tmp_path / "run").close()
+        (tmp_path / "run" / LOCK).write_bytes(b"73b1\xff node\xff7\n")
+        with pytest.raises(StoreError, match="is running on node"):
+            Store.view(tmp_path / "run")
         (tmp_path / "run" / LOCK).write_text("")  # as an older version leaves it
         Store.view(tmp_path / "run").close()
     (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node7.example.org\n")
@@ -71,6 +74,18 @@ def test_a_run_at_work_is_read_where_the_kernel_does_not_say_which_it_is(tmp_pat
     with Store.open(tmp_path / "run", RunConfig(env="toy")):
         assert (tmp_path / "run" / LOCK).read_text() == f" {os.uname().nodename}\n"
         Store.view(tmp_path / "run").close()
+        (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 a-container\n")
+        Store.view(tmp_path / "run").close()  # of two containers on a machine, only one may hide it
+
+
+def test_a_run_that_is_stopped_while_it_begins_holds_no_lock(tmp_path, monkeypatch):
+    def stopped():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hold, "_boot", stopped)
+    with pytest.raises(KeyboardInterrupt) as kept:  # somebody may keep the error, and what is local where it was raised
+        Store.open(tmp_path / "run", RunConfig(env="toy"))
+    assert kept.tb is not None and not is_held(tmp_path / "run")
 
 
 def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch):
