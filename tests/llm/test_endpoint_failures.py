@@ -155,6 +155,9 @@ def test_a_gateway_that_waited_long_for_the_model_is_asked_twice(
     endpoint.script = lambda body: failure(status, "timed out")
     assert "cannot answer now" in said(endpoint)
     assert endpoint.waits == [1.0]
+    endpoint.script = lambda body: failure(503, "no worker is free")  # no model was at work
+    assert "cannot answer now" in said(endpoint)
+    assert endpoint.waits[1:] == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]
 
 
 @pytest.mark.parametrize("before", [[], [answer("a")], [failure(503), failure(503)]])
@@ -269,11 +272,11 @@ def test_what_waiting_cannot_mend_is_said_at_once(endpoint: Endpoint, bad: Answe
     assert endpoint.waits == []
 
 
-@pytest.mark.parametrize("status", [403, 503])
-def test_a_proxy_before_a_server_of_this_machine_is_named(monkeypatch: pytest.MonkeyPatch, status: int):
+@pytest.mark.parametrize(("variable", "status"), [("HTTP_PROXY", 403), ("ALL_PROXY", 503)])
+def test_a_proxy_before_a_server_of_this_machine_is_named(monkeypatch: pytest.MonkeyPatch, variable: str, status: int):
     proxy = Endpoint()
     proxy.script = lambda body: failure(status, "nothing there")
-    monkeypatch.setenv("HTTP_PROXY", proxy.url.replace("http://", "http://me:secret@"))
+    monkeypatch.setenv(variable, proxy.url.replace("http://", "http://me:secret@"))
     told = said(proxy, base_url="http://localhost:1/v1")
     assert f" Requests go through the proxy {proxy.url}; set NO_PROXY=localhost to bypass it." in told
     monkeypatch.setenv("NO_PROXY", "localhost")
@@ -385,9 +388,17 @@ def test_a_stream_that_breaks_off_is_asked_for_again(endpoint: Endpoint):
     ]
     (reply,) = sample(endpoint.model(), 1)
     assert (reply.text, reply.model, len(endpoint.bodies)) == ("a", "m-1", 3)
+    cut = {"choices": [{"delta": {"content": "a"}, "finish_reason": "length"}]}
+    endpoint.script = [streamed(cut, {"choices": [{"delta": {}}]}), answer("b")]  # nothing follows the end but blanks
+    assert texts(sample(endpoint.model(), 1)) == ["b"]
     endpoint.script = [streamed(failed), replaced(choices=[{"message": {"content": "b"}}])]
     assert texts(sample(endpoint.model(), 1)) == ["b"]
     assert endpoint.waits == [1.0]
+
+
+def test_an_error_beside_a_reply_costs_no_second_request(endpoint: Endpoint):
+    endpoint.script = [replaced(error={"message": "this was your last token"})]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
 
 
 def test_a_gateway_that_speaks_of_an_upstream_is_not_asked_to_stream(endpoint: Endpoint):
@@ -438,8 +449,9 @@ def test_a_reply_of_5_megabytes_arrives(endpoint: Endpoint):
 
 def test_a_body_nested_too_deep_is_an_answer_that_breaks_off(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(openai, "ATTEMPTS", 1)
-    endpoint.script = [raw(b'{"a":' * 100_000)]
+    endpoint.script = [raw(b'{"a":' * 100_000), raw(b'{"error":' * 600 + b'"deep"' + b"}" * 600)]
     assert "was cut off" in said(endpoint)
+    assert "cannot answer now ({'error': {'error': " in said(endpoint)
 
 
 # --- the key ---------------------------------------------------------------------------------------------------------

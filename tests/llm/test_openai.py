@@ -117,7 +117,7 @@ def test_a_model_without_a_system_role_is_told_the_same_by_the_user(endpoint: En
 
 def test_a_model_that_only_streams_is_asked_to_stream(endpoint: Endpoint):
     def script(body: dict[str, Any]) -> Answer:
-        if "stream" not in body:
+        if not body.get("stream"):
             return failure(400, "This model only support stream mode, please enable the stream parameter.")
         pieces = [(0, "a", None), (1, "\u2028", None), (0, "b", "stop"), (1, "c", "stop")]
         choices = [{"index": at, "delta": {"content": text}, "finish_reason": end} for at, text, end in pieces]
@@ -188,6 +188,16 @@ def test_a_refused_port_is_one_sentence_after_one_more_try(endpoint: Endpoint):
         with pytest.raises(ModelError, match=r"cannot be reached \(.*refused\); check base_url and"):
             sample(model, 1)
     assert endpoint.waits == [1.0]
+
+
+def test_a_port_that_is_refused_after_an_answer_is_tried_for_a_minute(endpoint: Endpoint):
+    endpoint.script = [answer("a")]
+    model = endpoint.model()
+    sample(model, 1)
+    endpoint.close()
+    with pytest.raises(ModelError, match="broke off; try again"):
+        sample(model, 1)
+    assert len(endpoint.waits) == 6
 
 
 def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(endpoint: Endpoint):
