@@ -18,7 +18,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
-from openeureka.refine.polishing import Polished
+from openeureka.refine.polishing import Polished, Try
 from openeureka.report import html, tables
 from openeureka.report.next_steps import nexts
 from openeureka.report.verdict import of_polishing, verdict
@@ -280,6 +280,12 @@ def test_a_gain_without_errors_has_no_interval() -> None:
     found = gain(one, replace(one, fitness=1.0, episodes=2))
     assert found is not None and (found.value, found.low, found.count, found.sure) == (2.0, None, 2, False)
     assert gain(one, replace(one, fitness=None)) is None
+    began, start = PolicyId("b-s0", "last"), Start(PolicyId("b-s0", "last"), 0.0)
+    tried = Try(lane=Lane("a", 1, "polish", start), start=start, result=None, played=one)
+    told = Polished(tries=(tried,), began=began, before=replace(one, fitness=1.0), chosen=tried, after=one, best=began)
+    assert of_polishing(told) == "Not decided: F 3 against 1 of the policy it started from, held out."
+    lost = replace(told, before=replace(one, fitness=None))
+    assert of_polishing(lost) == "Not decided: F 3 against - of the policy it started from, held out."
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:

@@ -41,6 +41,7 @@ def test_a_reward_without_signs_says_what_was_looked_for(tmp_path: Path) -> None
     assert report.count("| not seen |") == 3 and "SUSPECTED" not in report
     # The best policy's own held-out F is 50 - 2.
     assert "| unchanged | 48.00 ± 0.50 |" in report and "| mass +10 % | 40.00 ± 0.25 |" in report
+    assert "| untrained |" not in report  # that is no other world
     assert "so its F is above their mean. ± here: standard error over episodes." in report
     assert not any("hacking" in line for line in summary(run))
 

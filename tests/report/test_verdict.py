@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,7 @@ from openeureka.numbers import number
 from openeureka.report import html
 from openeureka.report.next_steps import nexts
 from openeureka.report.tables import measures, on_scale
-from openeureka.report.verdict import meaning, verdict
+from openeureka.report.verdict import meaning, of_two, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Outcome, SeedScores
 from openeureka.store import Store
@@ -157,7 +158,27 @@ def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_dec
     view = ended([41.0, 42.0], [40.0])
     known = replace(view, config=replace(view.config, env="humanoid", baselines="known"))
     assert verdict(known).endswith("The human one was measured with one seed; baselines=train uses as many.")
-    assert verdict(ended([71.0, None, None], [40.0, 41.0])).endswith("One seed says nothing about the next.")
+    often = replace(ended([71.0], []), config=replace(view.config, env="cartpole", baselines="known"))  # with three
+    for one in (ended([71.0, None, None], [40.0, 41.0]), often):
+        assert "One seed says nothing about the next" in verdict(one) and "was measured" not in verdict(one)
+
+
+def test_the_best_of_more_given_rewards_has_to_win_more_clearly() -> None:
+    # Two seeds of variance 2 each: a standard error of sqrt(2). t(2) is 4.303 for one claim, and 6.205 for two.
+    rewards = {name: SeedScores(held_out=(mean - 1, mean + 1)) for name, mean in (("a", 20.0), ("b", 13.0))}
+    alone, picked = of_two(rewards, "a", "b"), of_two({**rewards, "c": SeedScores(held_out=(1.0, 3.0))}, "a", "b")
+    assert alone is not None and (alone.value, alone.low) == (7.0, pytest.approx(0.915, abs=1e-3))
+    assert picked is not None and (picked.value, picked.low) == (7.0, pytest.approx(-1.775, abs=1e-3))
+
+
+def test_where_fresh_trainings_alone_break_a_limit_the_verdict_says_so(tmp_path: Path) -> None:
+    class Costly(ToyTrainer):
+        def evaluate(self, *args: Any, **options: Any) -> Iterator[Evaluation]:
+            for score in super().evaluate(*args, **options):
+                yield replace(score, costs={"torque": 5.0 if "-s0" in score.lane else 50.0})
+
+    view = RunView.read(search_in(tmp_path, [reply(7), reply(8)], trainer=Costly(), limits="torque=10"))
+    assert verdict(view) == "No reward won: trained again with fresh seeds, each of the best breaks a limit."
 
 
 def test_a_search_that_stops_before_its_final_trainings_are_judged_has_not_lost(tmp_path: Path) -> None:

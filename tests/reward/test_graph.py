@@ -314,3 +314,10 @@ def test_a_reshape_is_one_of_slices_too(value: str) -> None:
     names: dict[str, Any] = {"torch": torch}
     exec(graph.spelled(traced, spec), names)
     torch.testing.assert_close(names["reward"]({"q": part})[0], expected)
+
+
+def test_a_constant_keeps_the_type_in_which_it_was_written():
+    nodes = (Node("constant", ((1, 2), (2,), "int32")), Node("constant", ((0.1,), (), "float64")))
+    whole, exact = graph.values(RewardGraph(nodes=nodes, reward=1, components=()), {}, 1)
+    assert (whole.tolist(), whole.dtype) == ([1, 2], torch.int32)
+    assert (exact.item(), exact.dtype) == (0.1, torch.float64)  # in 32 bits it would be 0.10000000149
