@@ -33,7 +33,7 @@ def test_text_and_back_is_the_same_graph() -> None:
     assert decode(RewardGraph, encode(made)) == made
 
 
-def test_infinite_numbers_survive_as_strict_json() -> None:
+def test_infinite_numbers_survive_as_strict_json_and_as_python() -> None:
     made = RewardGraph(
         nodes=(
             Node("input", ("dof_pos",)),
@@ -47,6 +47,9 @@ def test_infinite_numbers_survive_as_strict_json() -> None:
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     validate(made)
     assert decode(RewardGraph, text) == made
+    names: dict[str, Any] = {"torch": torch}
+    exec(graph.spelled(made, CARTPOLE), names)  # nor is it Python
+    assert names["reward"]({"dof_pos": torch.tensor([[-3.0, 5.0]])})[0].tolist() == [-2.0]
 
 
 def test_a_compiled_graph_takes_any_number_of_worlds_and_leaves_its_inputs_alone() -> None:
