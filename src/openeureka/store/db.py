@@ -129,17 +129,12 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     Other processes write people's remarks, so a writer waits up to 30 s for another one to commit.
     """
     path = directory / FILENAME
-    for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
-        if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
-            raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it, or choose another dir=.")
-    if not path.exists():
-        if writable:  # SQLite itself would make a file that a group may not write, whatever the umask
-            with suppress(FileExistsError):
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-    elif not os.access(path, os.R_OK):
-        raise StoreError(f"{short_path(path)} cannot be read; check its permissions, or ask its owner for a copy.")
-    elif writable and not os.access(path, os.W_OK):  # SQLite would notice it later, and leave an index, see below
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    _expect_files(path)
+    if path.exists():
+        _expect_allowed(path, writable)
+    elif writable:  # SQLite itself would make a file that a group may not write, whatever the umask
+        with suppress(FileExistsError):
+            path.touch(exist_ok=False)
     if not writable and not (os.access(directory, os.W_OK) and os.access(path, os.W_OK)):
         # A reader of a file in WAL mode makes its index beside it. Where that is not allowed, nobody writes either, so
         # the file may be opened as immutable. A reader who may write the folder alone could not remove the index again,
@@ -153,6 +148,21 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
                 f"Copy {short_path(directory)}, and open the copy."
             )
     return sqlite3.connect(path, isolation_level=None, timeout=30.0)
+
+
+def _expect_files(path: Path) -> None:
+    """Refuse links, which SQLite follows, and whatever else is not a regular file."""
+    for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
+        if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
+            raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it, or choose another dir=.")
+
+
+def _expect_allowed(path: Path, writable: bool) -> None:
+    """Refuse a file that this user may not read or write. SQLite would notice it later, and leave an index."""
+    if not os.access(path, os.R_OK):
+        raise StoreError(f"{short_path(path)} cannot be read; check its permissions, or ask its owner for a copy.")
+    if writable and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 @cache
