@@ -9,14 +9,13 @@ import os
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import chain
 from pathlib import Path
 
-from filelock import FileLock
+from filelock import AcquireReturnProxy, FileLock
 
 from .. import homes
 from ..errors import ModelError
@@ -149,20 +148,14 @@ def complete(target: Path, weights: Weights) -> bool:
     return target.is_file() and target.stat().st_size == weights.size
 
 
-@contextmanager
-def exclusive(target: Path) -> Generator[None]:
-    """Hold the lock of a file in the cache; makes the folder if it is missing. Raises ModelError where this user may
-    not write there."""
-    lock = FileLock(f"{target}.lock")
+def exclusive(target: Path) -> AcquireReturnProxy:
+    """Take the lock of a file in the cache, for a `with`; makes the folder if it is missing. Raises ModelError where
+    this user may not write there."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        lock.acquire()
+        return FileLock(f"{target}.lock").acquire()
     except OSError as error:
         raise disk_error(target, error) from error
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def _pieces(weights: Weights) -> list[Path]:
