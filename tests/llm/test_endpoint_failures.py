@@ -147,6 +147,45 @@ def test_a_wait_is_stated_in_milliseconds(endpoint: Endpoint):
     assert endpoint.waits == [1.5]
 
 
+def _openrouter(reset: str) -> dict[str, Any]:
+    headers = {"X-RateLimit-Limit": "20", "X-RateLimit-Remaining": "0", "X-RateLimit-Reset": reset}
+    return {"error": {"message": "free-models-per-min", "code": 429, "metadata": {"headers": headers}}}
+
+
+@pytest.mark.parametrize(
+    ("body", "wait"),
+    [
+        (
+            [{"error": {"code": 429, "message": "limit: 5, model: gemini\nPlease retry in 38.25s.", "details": []}}],
+            38.25,
+        ),
+        ({"error": {"message": "Please try again in 1m2s. Visit"}}, 62.0),
+        ({"error": {"message": "Please try again in 20ms. Visit"}}, 0.02),
+        ({"error": {"message": "Please retry after 33 seconds."}}, 33.0),  # Azure
+        ({"error": {"message": "Please try again in 114h18m0s."}}, 1.0),  # no wait outlasts it
+        ({"error": {"message": "Please try again in a moment."}}, 1.0),
+        (_openrouter("784111777042"), 1.0),  # not 13 digits
+        (_openrouter("1784111819500"), 42.5),
+        (_openrouter("1784111700000"), 1.0),  # over
+        (_openrouter("1784160000000"), 1.0),  # tomorrow
+        ({"error": {"message": f"OpenrouterException - {json.dumps(_openrouter('1784111819500'))}"}}, 42.5),  # LiteLLM
+    ],
+)
+def test_a_wait_is_stated_in_the_error_where_no_header_does(endpoint: Endpoint, body: dict | list, wait: float):
+    busy = json.dumps(body).encode()
+
+    def play(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response_only(429)
+        handler.send_header("Date", "Wed, 15 Jul 2026 10:36:17 GMT")  # 1784111777 s after 1970
+        handler.send_header("Content-Length", str(len(busy)))
+        handler.end_headers()
+        handler.wfile.write(busy)
+
+    endpoint.script = [play, answer("a")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert endpoint.waits == [pytest.approx(wait)]
+
+
 @pytest.mark.parametrize("status", [408, 504, 524])
 def test_a_gateway_that_waited_long_for_the_model_is_asked_twice(
     endpoint: Endpoint, status: int, monkeypatch: pytest.MonkeyPatch

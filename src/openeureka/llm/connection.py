@@ -20,6 +20,11 @@ CONNECT = 20.0
 """[s] for a connection."""
 MAX_WAIT = 120.0
 """[s] between two tries, whatever the endpoint asks for."""
+_RETRY_IN = re.compile(r"\b(?:retry|try again) (?:in|after) ((?:\d+(?:\.\d+)? ?(?:ms|h|m|s))+)", re.IGNORECASE)
+"""Gemini's words, and OpenAI's and Azure's where a gateway drops the headers: `38.2s`, `6m0s`, `33 seconds`."""
+_RESET = re.compile(r"X-RateLimit-Reset\W+(\d{13})\b", re.IGNORECASE)
+"""Where OpenRouter tells when a limit ends, in milliseconds since 1970."""
+_SECONDS = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
 
 
 def api_key(base_url: str) -> str:
@@ -108,9 +113,11 @@ def detour(url: str) -> str:
     return f" Requests go through the proxy {proxy}; set NO_PROXY={parts.hostname} to bypass it."
 
 
-def delay(headers: Mapping[str, str], attempt: int) -> float:
+def delay(headers: Mapping[str, str], attempt: int, body: object = None) -> float:
     """Seconds to wait after the attempt: what the endpoint says, else 1, 2, 4, ..."""
     stated = _stated(headers)
+    if stated is None:
+        stated = _hinted(str(body), headers.get("date", ""))
     return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
 
 
@@ -127,3 +134,19 @@ def _stated(headers: Mapping[str, str]) -> float | None:
         except (KeyError, ValueError, TypeError):
             return None
     return None if math.isnan(seconds) else seconds
+
+
+def _hinted(body: str, date: str) -> float | None:
+    """Seconds that an error names in its body: Gemini and OpenRouter send no `Retry-After`. None for more than
+    MAX_WAIT: that is a limit of the day, which no wait outlasts."""
+    if found := _RETRY_IN.search(body):
+        parts = re.findall(r"([\d.]+) ?(ms|h|m|s)", found[1].lower())
+        seconds = sum(float(number) * _SECONDS[unit] for number, unit in parts)
+    elif found := _RESET.search(body):
+        try:
+            seconds = int(found[1]) / 1000 - parsedate_to_datetime(date).timestamp()
+        except ValueError:
+            return None
+    else:
+        return None
+    return seconds if 0 < seconds <= MAX_WAIT else None

@@ -203,7 +203,7 @@ class EndpointModel:
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
-                    self._pause(connection.delay(headers, attempt), gone)
+                    self._pause(connection.delay(headers, attempt, error.body), gone)
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
