@@ -68,6 +68,9 @@ def said(endpoint: Endpoint, **settings: str) -> str:
 # --- failures that may pass ------------------------------------------------------------------------------------------
 
 CUT = raw(GOOD[:100], length=len(GOOD))
+QUOTA = (
+    "You exceeded your current quota, please check your plan and billing details. For more information on this error,"
+)
 
 
 @pytest.mark.parametrize(
@@ -76,6 +79,7 @@ CUT = raw(GOOD[:100], length=len(GOOD))
         failure(408),
         failure(409),
         failure(429),
+        failure(429, f"{QUOTA} head to: https://ai.google.dev/gemini-api/docs/rate-limits."),  # of a minute, perhaps
         failure(500),
         failure(502),
         failure(503),
@@ -287,6 +291,13 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             (429, {"error": {"message": "Budget has been exceeded!", "type": "budget_exceeded", "code": "429"}}, {}),
             "has no credit left",
         ),  # LiteLLM
+        (
+            failure(
+                429,
+                f"litellm.RateLimitError: OpenAIException - {QUOTA} read the docs: https://platform.openai.com/docs",
+            ),
+            "or one behind it, has no credit left (Error code: 429 - litellm.RateLimitError: OpenAIException - You",
+        ),
         ((400, [{"error": {"code": 400, "message": "no such key"}}], {}), "400 - no such key); fix that"),  # Gemini
         (
             (422, {"message": {"detail": [{"loc": ["body", "n"], "msg": "not known"}]}}, {}),

@@ -48,6 +48,9 @@ _REFUSALS = {
     403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
     404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
 }
+_SPENT = re.compile(r"insufficient_?quota|exceeded your current quota.*openai\.com", re.IGNORECASE)
+"""LiteLLM drops the code of OpenAI's error and keeps its words. Gemini begins a limit of the minute with the same ones,
+so the address that follows decides."""
 _SHORTEST_SECRET = 8
 """Characters from which on a key is hidden in texts; keys for servers that need none are words such as `ollama`."""
 _log = logging.getLogger(__name__)
@@ -295,7 +298,10 @@ class EndpointModel:
                 check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
             return ModelError(f"{where} cannot be reached ({self._quoted(cause)}); check {check}.{self._detour}")
         if _is_spent(error):
-            return ModelError(f"The account at {where} has no credit left; add some, then resume.")
+            said = self._quoted(_said(error))
+            return ModelError(
+                f"The account at {where}, or one behind it, has no credit left ({said}); add some, then resume."
+            )
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
             return self._busy(_said(error))
         if error.response.is_redirect:
@@ -372,8 +378,8 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
 
 
 def _is_spent(error: openai.APIError) -> bool:
-    """Whether there is nothing left to pay with: at OpenAI, or of the budget of a LiteLLM proxy."""
-    return error.code == "insufficient_quota" or error.type == "budget_exceeded"
+    """Whether there is nothing left to pay with: at OpenAI, or of the budget of a LiteLLM proxy, or behind that."""
+    return error.type == "budget_exceeded" or bool(_SPENT.search(f"{error.code} {_said(error)}"))
 
 
 def _is_silence(error: openai.APIError) -> bool:
