@@ -270,6 +270,20 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
 # --- failures that stay ----------------------------------------------------------------------------------------------
 
 
+TOO_LONG: list[tuple[int, dict | list]] = [
+    (400, {"error": {"message": "This model's maximum context length is 8192 tokens."}}),  # OpenAI, vLLM, DeepSeek
+    (400, {"object": "error", "message": "The input is longer than the model's context length", "code": 400}),  # SGLang
+    (422, {"error": "Input validation error: `inputs` tokens + `max_new_tokens` must be <= 4096"}),  # TGI
+    (400, {"error": {"message": "request (9000 tokens) exceeds the available context size"}}),  # llama.cpp
+    (400, [{"error": {"message": "The input token count exceeds the maximum number of tokens allowed"}}]),  # Gemini
+    (400, {"object": "error", "message": "Prompt is too large for model with 32768 maximum context length"}),  # Mistral
+    (
+        400,
+        {"error": {"message": "Provider returned error", "metadata": {"raw": "the maximum context length is 8192"}}},
+    ),  # OpenRouter
+]
+
+
 @pytest.mark.parametrize(
     ("bad", "sentence"),
     [
@@ -303,6 +317,21 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
             (422, {"message": {"detail": [{"loc": ["body", "n"], "msg": "not known"}]}}, {}),
             "(Error code: 422 - ['body', 'n']: not known); fix that",
         ),  # Mistral
+        (
+            failure(400, "Model Not Exist"),
+            "has no model `m` for you (Error code: 400 - Model Not Exist); check",
+        ),  # DeepSeek
+        (failure(400, "m is not a valid model ID"), "has no model `m` for you"),  # OpenRouter
+        ((400, {"object": "error", "message": "Invalid model: m", "code": "1500"}, {}), "has no model `m`"),  # Mistral
+        (failure(400, "/chat/completions: Invalid model name passed in model=m."), "has no model `m`"),  # LiteLLM
+        (
+            (404, {"object": "error", "message": "The model `m` does not exist.", "code": 404}, {}),
+            "has no model",
+        ),  # vLLM
+        *(
+            ((status, body, {}), "serve the model with a longer context, or start a run with another")
+            for status, body in TOO_LONG
+        ),
         ((400, [[[[[[[["deep"]]]]]]]], {}), "(Error code: 400); fix that"),
         (raw(b"<html>welcome</html>"), "an OpenAI-compatible endpoint (its answer is a web page); check base_url"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),

@@ -208,9 +208,35 @@ def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(
     assert sum(reply.usage.prompt_tokens for reply in replies) == 300
 
 
-@pytest.mark.parametrize("reason", ["length", "MAX_TOKENS", "content_filter", "error"])
+@pytest.mark.parametrize(
+    "reason", ["length", "MAX_TOKENS", "content_filter", "error", "abort", "content_filter: RECITATION"]
+)
 def test_a_reply_that_was_not_ended_by_the_model_is_asked_for_again(endpoint: Endpoint, reason: str):
     endpoint.script = [answer("cut", finish=reason), answer("a", finish="eos")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"content": "a", "reasoning_content": "thoughts"},  # DeepSeek, SGLang
+        {
+            "content": "a",
+            "reasoning": "thoughts",
+            "reasoning_details": [{"text": "thoughts"}],
+        },  # OpenRouter, vLLM, Groq
+        {
+            "content": [{"type": "thinking", "thinking": [{"text": "thoughts"}]}, {"type": "text", "text": "a"}]
+        },  # Mistral
+    ],
+)
+def test_thoughts_beside_a_text_are_no_part_of_it(endpoint: Endpoint, message: dict):
+    status, payload, headers = answer("")
+    thoughts = {**message, "content": None if isinstance(message["content"], str) else message["content"][:1]}
+    endpoint.script = [
+        (status, {**payload, "choices": [{"message": said, "finish_reason": "stop"}]}, headers)
+        for said in (thoughts, message)  # thoughts alone are no reply
+    ]
     assert texts(sample(endpoint.model(), 1)) == ["a"]
 
 

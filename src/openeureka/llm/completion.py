@@ -11,7 +11,7 @@ from ..reward import extract
 
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
-_CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
+_CUT = {"length", "max_tokens", "model_length", "content_filter", "safety", "recitation", "abort", "error"}
 """Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 
 _STREAM = ("data:", "event:", "id:", ":")
@@ -76,7 +76,8 @@ def read(body: bytes) -> Completion:
 def error_text(body: object, depth: int = 5) -> str:
     """The text of an error: itself, or a text as `message`, `detail` or `error`, at most `depth` levels down. Gemini
     puts all into a list. FastAPI lists mistakes and quotes the request with each; the quotes are left out, as
-    the client looks for words such as "temperature"."""
+    the client looks for words such as "temperature". OpenRouter's own message says nothing: its provider's is in
+    `metadata`."""
     if not depth:
         return ""
     if isinstance(body, list):
@@ -84,7 +85,9 @@ def error_text(body: object, depth: int = 5) -> str:
     if isinstance(body, Mapping):
         if "msg" in body:
             return f"{body.get('loc')}: {body['msg']}"
-        return next(filter(None, (error_text(body.get(key), depth - 1) for key in ("message", "detail", "error"))), "")
+        raw = _text(_mapping(body.get("metadata")).get("raw"))
+        inner = (error_text(body.get(key), depth - 1) for key in ("message", "detail", "error"))
+        return raw or next(filter(None, inner), "")
     return body if isinstance(body, str) else ""
 
 
@@ -150,8 +153,8 @@ def _choice(choice: object) -> Choice:
     fields = _mapping(choice)
     message = _mapping(fields.get("message"))
     text = _text(message.get("content")) or _text(message.get("refusal")) or _called(message.get("tool_calls"))
-    cut = str(fields.get("finish_reason")).lower() in _CUT
-    return Choice(text, bool(text) and (not cut or extract.is_settled(text)))
+    end, _, _ = str(fields.get("finish_reason")).lower().partition(":")  # Gemini: `content_filter: RECITATION`
+    return Choice(text, bool(text) and (end not in _CUT or extract.is_settled(text)))
 
 
 def _text(content: object) -> str:

@@ -41,6 +41,10 @@ _PASSING = {408, 409, 425, 429}
 _MAY_REFUSE = {500, 501}
 """Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
 _REFUSED = "{where} refuses the request ({said}); fix that, then resume."
+_OVERFLOWS = (
+    "{where} cannot read a prompt this long ({said}); serve the model with a longer context, or start a run with "
+    "another model."
+)
 _REFUSALS = {
     # Without {said}: the endpoint may quote a part of the key.
     401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one, or, if that is a proxy "
@@ -48,7 +52,14 @@ _REFUSALS = {
     403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
     404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
 }
-_SPENT = re.compile(r"insufficient_?quota|exceeded your current quota.*openai\.com", re.IGNORECASE)
+_UNKNOWN = re.compile(r"model not exist|not a valid model|invalid model(?: name|:)", re.IGNORECASE)
+"""What DeepSeek, OpenRouter, Mistral and LiteLLM say with 400 in place of 404."""
+_TOO_LONG = re.compile(
+    r"context[ _](?:length|size|window|limit)|maximum number of tokens|prompt is too long|`inputs` (?:tokens|must)",
+    re.IGNORECASE,
+)
+"""What servers say of a prompt that exceeds the model's context; few have a code for it."""
+_SPENT = re.compile(r"insufficient_?quota|exceeded your current quota.{0,200}openai\.com", re.IGNORECASE)
 """LiteLLM drops the code of OpenAI's error and keeps its words. Gemini begins a limit of the minute with the same ones,
 so the address that follows decides."""
 _SHORTEST_SECRET = 8
@@ -307,8 +318,10 @@ class EndpointModel:
         if error.response.is_redirect:
             target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
             return ModelError(f"{where} redirects requests to {target}; set base_url= to that address if you trust it.")
-        sentence = _REFUSALS.get(error.status_code, _REFUSED)
-        refused = sentence.format(where=where, model=self.name, said=self._quoted(_said(error)))
+        said = _said(error)
+        status = 404 if error.status_code == 400 and _UNKNOWN.search(said) else error.status_code
+        sentence = _REFUSALS.get(status, _OVERFLOWS if _TOO_LONG.search(said) else _REFUSED)
+        refused = sentence.format(where=where, model=self.name, said=self._quoted(said))
         return ModelError(refused + self._detour * (error.status_code == 403))  # proxies send it for local addresses
 
     def _unreadable(self, error: Unreadable) -> ModelError:
