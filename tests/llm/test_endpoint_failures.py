@@ -401,6 +401,7 @@ def test_an_address_that_is_none_is_one_sentence(url: str):
     ("variable", "value", "sentence"),
     [
         ("HTTPS_PROXY", "ftp://proxy:3128", "is not a valid address"),
+        ("ALL_PROXY", "socks://localhost:1080", "write a proxy like http://localhost:3128 or socks5://"),  # GNOME's
         ("HTTP_PROXY", "http://me:secret@proxy:x", "is not a valid address"),
         ("SSL_CERT_FILE", "/nowhere/ca.pem", r"cannot be read \(No such file"),
     ],
@@ -614,6 +615,10 @@ def test_a_certificate_that_is_not_trusted_is_said_with_what_to_set(
     monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", distrusts)
     sentence = said(endpoint)
     assert "self-signed certificate); check base_url, or set SSL_CERT_FILE to the certificates" in sentence
+
+
+def test_https_before_a_server_that_speaks_http_is_said_with_what_to_write(endpoint: Endpoint):
+    assert "which may have to begin with http://" in said(endpoint, base_url=endpoint.url.replace("http:", "https:"))
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

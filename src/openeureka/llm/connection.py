@@ -66,7 +66,8 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
         ) from None
     except (ValueError, httpx2.InvalidURL):  # their texts may hold a password
         raise ConfigError(
-            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY is not a valid address; correct it or unset it."
+            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY is not a valid address; write a proxy like "
+            "http://localhost:3128 or socks5://localhost:1080, or unset it."
         ) from None
     timeout = httpx2.Timeout(silence, connect=CONNECT)
     try:

@@ -307,6 +307,8 @@ class EndpointModel:
             check = "base_url and the network"
             if "CERTIFICATE_VERIFY_FAILED" in cause:
                 check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
+            elif "WRONG_VERSION_NUMBER" in cause:
+                check = "base_url, which may have to begin with http://"
             return ModelError(f"{where} cannot be reached ({self._quoted(cause)}); check {check}.{self._detour}")
         if _is_spent(error):
             said = self._quoted(_said(error))
