@@ -209,7 +209,16 @@ def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(
 
 
 @pytest.mark.parametrize(
-    "reason", ["length", "MAX_TOKENS", "content_filter", "error", "abort", "content_filter: RECITATION"]
+    "reason",
+    [
+        "length",
+        "MAX_TOKENS",
+        "content_filter",
+        "error",
+        "abort",
+        "insufficient_system_resource",
+        "content_filter: RECITATION",
+    ],
 )
 def test_a_reply_that_was_not_ended_by_the_model_is_asked_for_again(endpoint: Endpoint, reason: str):
     endpoint.script = [answer("cut", finish=reason), answer("a", finish="eos")]

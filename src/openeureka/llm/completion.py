@@ -11,7 +11,10 @@ from ..reward import extract
 
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
-_CUT = {"length", "max_tokens", "model_length", "content_filter", "safety", "recitation", "abort", "error"}
+_LIMITS = {"length", "max_tokens", "model_length"}
+_FILTERS = {"content_filter", "safety", "recitation"}
+_FAULTS = {"error", "abort", "insufficient_system_resource"}  # the last two: vLLM and SGLang, DeepSeek
+_CUT = _LIMITS | _FILTERS | _FAULTS
 """Each `finish_reason` of a text that was cut off. Any other counts as a regular end, which endpoints name freely."""
 
 _STREAM = ("data:", "event:", "id:", ":")
