@@ -16,7 +16,7 @@ import openai
 
 from ..errors import ModelError
 from ..types import Message, Prompt, Reply, Style, Usage
-from . import completion, connection
+from . import completion, connection, failures
 from .completion import Completion, Unreadable
 from .price import CHARACTERS, Price
 
@@ -36,34 +36,8 @@ PATIENCE = 900.0
 MAX_BODY = 64 << 20
 """Bytes that an answer may have."""
 
-_PASSING = {408, 409, 425, 429}
-"""Client errors that may pass: timeout, conflict, too early, too many requests (RFC 9110, RFC 8470, RFC 6585)."""
 _MAY_REFUSE = {500, 501}
 """Server errors that may be refusals: llama.cpp sends 500 for `n` above 1 and for roles that a template lacks."""
-_REFUSED = "{where} refuses the request ({said}); fix that, then resume."
-_OVERFLOWS = (
-    "{where} cannot read a prompt this long ({said}); serve the model with a longer context, or start a run with "
-    "another model."
-)
-_REFUSALS = {
-    # Without {said}: the endpoint may quote a part of the key.
-    401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one, or, if that is a proxy "
-    "such as LiteLLM, check the key that it uses.",
-    403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
-    404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
-}
-_UNKNOWN = re.compile(r"model not exist|not a valid model|invalid model(?: name|:)", re.IGNORECASE)
-"""What DeepSeek, OpenRouter, Mistral and LiteLLM say with 400 in place of 404."""
-_TOO_LONG = re.compile(
-    r"context[ _](?:length|size|window|limit)|maximum number of tokens|prompt is too long|`inputs` (?:tokens|must)",
-    re.IGNORECASE,
-)
-"""What servers say of a prompt that exceeds the model's context; few have a code for it."""
-_SPENT = re.compile(r"insufficient_?quota|exceeded your current quota.{0,200}openai\.com", re.IGNORECASE)
-"""LiteLLM drops the code of OpenAI's error and keeps its words. Gemini begins a limit of the minute with the same ones,
-so the address that follows decides."""
-_SHORTEST_SECRET = 8
-"""Characters from which on a key is hidden in texts; keys for servers that need none are words such as `ollama`."""
 _log = logging.getLogger(__name__)
 
 _Answered = tuple[Reply, bool]
@@ -109,10 +83,10 @@ class EndpointModel:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
-        self._key = connection.api_key(base_url)
-        self._client = connection.client(self._key, base_url, TIMEOUT)
-        self._where = connection.shown(str(self._client.base_url))
-        self._detour = connection.detour(str(self._client.base_url))
+        key = connection.api_key(base_url)
+        self._client = connection.client(key, base_url, TIMEOUT)
+        address = str(self._client.base_url)
+        self._words = failures.Words(connection.shown(address), name, key, connection.detour(address))
         self._manner = _Manner(temperature)
         self._price = price
         self._knows_n = True
@@ -132,7 +106,9 @@ class EndpointModel:
                 for reply, whole in self._round(prompt, missing):
                     if whole or last:  # half a reply may cost a slot, further rounds could cost the run
                         if reply.text and not whole:
-                            self._warn("%s cuts replies off: raise its token limit or its context length.", self._where)
+                            self._warn(
+                                "%s cuts replies off: raise its token limit or its context length.", self._words.where
+                            )
                         yield replace(reply, usage=reply.usage + wasted)
                         missing, wasted = missing - 1, Usage()
                     else:
@@ -207,20 +183,20 @@ class EndpointModel:
                 answer = completion.read(self._post(prompt, n, manner))
             except Unreadable as error:
                 if last or not error.broken:
-                    raise self._unreadable(error) from None
+                    raise self._words.unreadable(error) from None
                 self._pause(connection.delay({}, attempt), gone)
             except openai.APIError as error:
                 took = time.monotonic() - began
-                silences += _is_silence(error) or (took >= GATEWAY and _has_waited(error))
+                silences += failures.is_silence(error) or (took >= GATEWAY and failures.has_waited(error))
                 if not self._adapted(error, n, manner, attempt):
                     last = last or silences == SILENCES or took >= PATIENCE
-                    if last or not self._passing(error, attempt):
+                    if last or not failures.may_pass(error, attempt, self._reached):
                         raise self._explained(error) from None
                     headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
                     self._pause(connection.delay(headers, attempt, error.body), gone)
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
-        raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
+        raise ModelError(f"{self._words.where} accepts no request for {self.name}; choose another model.")
 
     def _pause(self, seconds: float, gone: Event) -> None:
         gone.wait(seconds)  # ends early when nobody waits for the answer
@@ -266,7 +242,7 @@ class EndpointModel:
         refused = isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError)
         if not refused and not (isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE):
             return False
-        said = _said(error).lower()
+        said = failures.said(error).lower()
         if manner.temperature is not None and "temperature" in said:
             self._warn("%s does not accept temperature=%g: it uses its own.", self.name, manner.temperature)
             self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
@@ -283,67 +259,13 @@ class EndpointModel:
             raise _BatchRefused
         return False
 
-    def _passing(self, error: openai.APIError, attempt: int) -> bool:
-        """Whether waiting may help."""
-        if _is_spent(error):
-            return False
-        if isinstance(error, openai.APIConnectionError) and not self._reached and not _is_silence(error):
-            return attempt == 0  # more likely a mistake in base_url than an interruption
-        if isinstance(error, openai.APIStatusError):
-            return error.status_code in _PASSING or error.status_code >= 500
-        return isinstance(error, openai.APIConnectionError)
-
     def _explained(self, error: openai.APIError) -> ModelError:
-        where = self._where
-        if _is_silence(error):
-            return ModelError(
-                f"{where} did not answer: it has {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
-                "Resume later, or start a run with a smaller sample= or a faster model. The request may be billed."
-            )
-        if isinstance(error, openai.APIConnectionError):
-            if self._reached:
-                return ModelError(f"The connection to {where} broke off; try again.{self._detour}")
-            cause = str(error.__cause__) or "no reason given"
-            check = "base_url and the network"
-            if "CERTIFICATE_VERIFY_FAILED" in cause:
-                check = "base_url, or set SSL_CERT_FILE to the certificates that you trust"
-            elif "WRONG_VERSION_NUMBER" in cause:
-                check = "base_url, which may have to begin with http://"
-            return ModelError(f"{where} cannot be reached ({self._quoted(cause)}); check {check}.{self._detour}")
-        if _is_spent(error):
-            said = self._quoted(_said(error))
-            return ModelError(
-                f"The account at {where}, or one behind it, has no credit left ({said}); add some, then resume."
-            )
-        if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
-            return self._busy(_said(error))
-        if error.response.is_redirect:
-            target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
-            return ModelError(f"{where} redirects requests to {target}; set base_url= to that address if you trust it.")
-        said = _said(error)
-        status = 404 if error.status_code == 400 and _UNKNOWN.search(said) else error.status_code
-        sentence = _REFUSALS.get(status, _OVERFLOWS if _TOO_LONG.search(said) else _REFUSED)
-        refused = sentence.format(where=where, model=self.name, said=self._quoted(said))
-        return ModelError(refused + self._detour * (error.status_code == 403))  # proxies send it for local addresses
-
-    def _unreadable(self, error: Unreadable) -> ModelError:
-        if error.broken:
-            return self._busy(error.reason)
+        if not failures.is_silence(error):
+            return self._words.of(error, self._reached)
         return ModelError(
-            f"{self._where} does not answer like an OpenAI-compatible endpoint ({error.reason}); check base_url, which "
-            "often ends in /v1."
+            f"{self._words.where} did not answer: it has {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in "
+            "all. Resume later, or start a run with a smaller sample= or a faster model. The request may be billed."
         )
-
-    def _busy(self, said: str) -> ModelError:
-        return ModelError(f"{self._where} cannot answer now ({self._quoted(said)}); resume when it can.{self._detour}")
-
-    def _quoted(self, text: str) -> str:
-        """What an endpoint or the network says, for a sentence: one line, cut short, without the key."""
-        return self._hidden(" ".join(text.split()))[:300]
-
-    def _hidden(self, text: str) -> str:
-        """The text without the key."""
-        return text.replace(self._key, "***") if len(self._key) >= _SHORTEST_SECRET else text
 
     def _replies_of(self, prompt: Prompt, answer: Completion, n: int, seconds: float) -> list[_Answered]:
         """The replies of an answer; an answer without any is one empty reply."""
@@ -357,8 +279,8 @@ class EndpointModel:
                 spent = self._used(answer.prompt_tokens if first else 0, share)
             else:
                 spent = self._guessed(prompt.messages if first else (), choice.text)
-            model = self._hidden(answer.model) or self.name
-            reply = Reply(text=self._hidden(choice.text), model=model, usage=spent, seconds=seconds)
+            model = self._words.hidden(answer.model) or self.name
+            reply = Reply(text=self._words.hidden(choice.text), model=model, usage=spent, seconds=seconds)
             replies.append((reply, choice.whole))
         return replies
 
@@ -369,7 +291,7 @@ class EndpointModel:
     def _guessed(self, asked: Sequence[Message], text: str) -> Usage:
         """Usage where the endpoint counts no tokens: none of them, and costs guessed from the length of the texts."""
         if self._price is not None:
-            self._warn("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
+            self._warn("%s does not count tokens: costs are guessed from the length of its replies.", self._words.where)
         said = sum(len(message.content) for message in asked)
         return Usage(cost_usd=self._used(said // CHARACTERS, len(text) // CHARACTERS).cost_usd)
 
@@ -390,26 +312,3 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
         return messages
     asked, *later = rest
     return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
-
-
-def _is_spent(error: openai.APIError) -> bool:
-    """Whether there is nothing left to pay with: at OpenAI, or of the budget of a LiteLLM proxy, or behind that."""
-    return error.type == "budget_exceeded" or bool(_SPENT.search(f"{error.code} {_said(error)}"))
-
-
-def _is_silence(error: openai.APIError) -> bool:
-    """Whether the request was sent, as far as can be known, and no answer came in time."""
-    return isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout)
-
-
-def _has_waited(error: openai.APIError) -> bool:
-    """Whether a gateway gave up waiting for the model; LiteLLM sends 408."""
-    return isinstance(error, openai.APIStatusError) and error.status_code in {408, 504, 524}
-
-
-def _said(error: openai.APIError) -> str:
-    """What the endpoint says of an error. The package reads only OpenAI's own form."""
-    words = " ".join(completion.error_text(error.body).split())
-    message = " ".join(error.message.split())
-    known = not words or words.startswith("<") or words in message  # `<` begins a web page
-    return message if known else f"{message} - {words}"
