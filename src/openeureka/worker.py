@@ -36,6 +36,8 @@ MAX_SAID = 1 << 20
 """Bytes of a child's output that are kept while it works, so that a task that prints in each step fills no disk."""
 MOST_NICE = 10
 """Most that a session yields: at this nice value it still gets a tenth of a core where others want all."""
+LESS_MEMORY = "use fewer worlds= or a smaller sample="
+"""What a person can do where a training needs more memory than there is."""
 
 
 def interpreter() -> list[str]:
@@ -248,7 +250,7 @@ class Worker:
         if found is None or found.si_code == os.CLD_EXITED:
             return ""
         if found.si_status == signal.SIGKILL:
-            return "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
+            return f"It was killed, often by the kernel when memory runs out: {LESS_MEMORY}."
         return f"It was ended by {signal.Signals(found.si_status).name}."
 
     def stderr_tail(self, size: int = 2000) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
 from ..types import LaneSpec, TrainBudget, TrainingEvent
-from ..worker import Frame, WorkerDied, framed, unframed
+from ..worker import LESS_MEMORY, Frame, WorkerDied, framed, unframed
 from . import cluster, ray_node, retry, scheduler
 from .cluster import Resources
 from .local import MAX_WORLDS
@@ -257,7 +257,7 @@ class ActorCall:
             return WorkerLost("Training stopped: the node that trained is gone.")
         return self._died(
             f"Training stopped: the Ray worker on {self._node['host']} ended before it answered; Ray ends one also "
-            "where memory runs out: use fewer worlds= or a smaller sample=."
+            f"where memory runs out: {LESS_MEMORY}."
         )
 
     def _died(self, said: str) -> WorkerError:

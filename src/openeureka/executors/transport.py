@@ -15,7 +15,7 @@ from multiprocessing import connection
 from typing import NamedTuple, Protocol, TypeVar
 
 from ..errors import EurekaError, TaskError, WorkerError
-from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
+from ..worker import LESS_MEMORY, Frame, Worker, WorkerDied, WorkerTimeout
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it gives one a second, but compiles for seconds."""
@@ -144,7 +144,7 @@ class ProcessCall:
         except (WorkerDied, WorkerTimeout) as error:
             ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
             words = self.worker.last_words()
-            advice = "Raise `ulimit -v`, or use fewer worlds= or a smaller sample=." if _NO_MEMORY.search(words) else ""
+            advice = f"Raise `ulimit -v`, or {LESS_MEMORY}." if _NO_MEMORY.search(words) else ""
             parts = (f"Training stopped: {error}", ending, words, advice)
             raise WorkerError(" ".join(filter(None, parts))) from None
         self._heard = time.monotonic()
