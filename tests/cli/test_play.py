@@ -1,3 +1,5 @@
+import os
+
 import pytest
 import torch
 
@@ -38,6 +40,16 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
     assert (tmp_path / "play.mp4").read_bytes() == b"mp4"
     assert not (tmp_path / "best" / "video.mp4").exists()  # that is the report's video, of another length
     assert capsys.readouterr().out == f"Filming 3 s\nWrote {tmp_path / 'play.mp4'}\n"
+
+
+def test_a_place_that_may_not_be_written_is_refused_before_anything_is_filmed(asked, tmp_path, capsys, monkeypatch):
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.safetensors").write_bytes(policy_of("ant"))
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    for words in ([], [f"out={tmp_path}/new/ant.mp4"]):
+        with pytest.raises(StoreError, match="cannot be written; check its permissions"):
+            play.play([str(tmp_path), *words])
+    assert asked == [] and capsys.readouterr().out == ""
 
 
 def test_the_policy_that_was_carried_on_is_shown_where_it_is_better(asked, tmp_path):

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 from filelock import FileLock
+from hostile_runs import edit
 from toys import ToySandbox
 from toys import eureka as run
 
@@ -15,7 +16,7 @@ from openeureka import __main__ as door
 from openeureka.cli import remote
 from openeureka.config import RunConfig
 from openeureka.display import log, trackers
-from openeureka.errors import ModelError
+from openeureka.errors import ConfigError, ModelError
 from openeureka.film import video
 from openeureka.llm import open_model
 from openeureka.report.view import VIDEO, RunView
@@ -543,6 +544,46 @@ def test_a_run_at_work_is_refused_to_a_second_command_before_that_tells_anything
         f"Another process is working on {tmp_path}/run; wait for it, or stop it with: eureka stop {tmp_path}/run\n"
     )
     assert "generations of" not in told.out
+
+
+@pytest.mark.parametrize("command", ["resume", "report"])
+def test_a_run_that_may_not_be_written_is_refused_before_anything_is_told(command, parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    parts.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    assert run(command, f"{tmp_path}/run") == 5
+    sentence = f"{tmp_path}/run cannot be written; check its permissions, work on a copy or choose another dir=.\n"
+    assert tuple(capsys.readouterr()) == ("", sentence)
+
+
+def test_a_finished_run_gives_no_advice_where_a_device_is_missing(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    parts.setattr(compose, "trainer_of", lambda *_: refuse())
+    assert run("resume", f"{tmp_path}/run", "device=cuda") == 2
+    assert tuple(capsys.readouterr()) == ("", "There is no GPU.\n")
+
+
+@pytest.mark.parametrize("command", ["train", "tune"])
+def test_a_device_that_is_missing_is_said_before_the_task_is_tried(command, parts, tmp_path, capsys):
+    parts.setattr("openeureka.cli.train.to_tune", lambda *_: None)
+    parts.setattr("openeureka.cli.train.left_out", lambda *_: "It trained with other settings.")
+    parts.setattr(compose, "trainer_of", lambda *_: refuse())
+    assert run(command, "env=cartpole", "reward=human", f"dir={tmp_path}/run") == 2
+    assert tuple(capsys.readouterr()) == ("", "There is no GPU.\n")
+
+
+def refuse():
+    raise ConfigError("There is no GPU.")
+
+
+def test_a_damaged_run_is_refused_before_its_report_is_announced(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    edit(tmp_path / "run", "DELETE FROM entries WHERE generation = 0")
+    assert run("report", f"{tmp_path}/run") == 5
+    told = capsys.readouterr()
+    assert told.out == "" and "a generation is missing" in told.err
 
 
 def test_ctrl_c_while_a_run_is_taken_up_says_how_to_continue(parts, tmp_path, capsys):

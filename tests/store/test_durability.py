@@ -24,6 +24,7 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.store import Store, db, read_config, say
+from openeureka.store.directory import expect_free
 from openeureka.store.schema import MIGRATIONS, OLDEST
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Remark, RemarkKind
@@ -245,6 +246,13 @@ def test_a_run_in_a_read_only_directory_cannot_go_on(foreign: Path):
 
 def test_a_run_cannot_begin_in_a_directory_without_rights(foreign: Path):
     assert "cannot be written; check its permissions" in as_nobody(lambda: Store.open(foreign.parent / "new", CONFIG))
+
+
+def test_what_may_not_be_written_is_refused_before_a_lock_is_taken(foreign: Path):
+    for place in (foreign, foreign.parent / "new"):
+        assert "cannot be written; check its permissions" in as_nobody(lambda place=place: expect_free(place, CONFIG))
+    foreign.chmod(0o777)  # the folder is open to all, its rows are not
+    assert "cannot be written; check its permissions" in as_nobody(lambda: expect_free(foreign, CONFIG))
 
 
 def test_a_run_that_nobody_else_may_read_says_so(foreign: Path):

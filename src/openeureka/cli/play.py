@@ -78,6 +78,7 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
     if target.suffix != ".mp4":
         raise ConfigError(f"Videos are MP4 files: out={config.out:.80} must end in .mp4.")
     folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
+    artifacts.expect_writable(folder)
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
     with working(f"Filming {config.seconds:g} s"):

@@ -20,7 +20,7 @@ from ..report.build import build
 from ..report.verdict import limits_reason, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
-from ..store import artifacts, is_held, read_config
+from ..store import artifacts, is_held
 from ..store.db import LOG
 from ..text import plain
 from ..types import CandidateId, Remark, Scored
@@ -158,7 +158,8 @@ def report(words: Sequence[str]) -> None:
     settings, paths = split(words)
     directory = only_path(paths, "eureka report outputs/<time>_cartpole")
     config = parse(ReportConfig, settings)
-    stored = read_config(directory)
+    stored = RunView.read(directory).config  # refuses a damaged run before anything is announced
+    artifacts.expect_writable(directory)
     env = config.env or (stored.env if "env" not in trust.unknown(stored) else "")
     with working("Writing the report and the missing videos"):
         problems = build(directory, config.video, env)

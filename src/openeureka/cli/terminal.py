@@ -54,9 +54,22 @@ def trying_out() -> Iterator[None]:
 
 
 class Terminal:
-    """See `runs.compose.Host`."""
+    """See `runs.compose.Host`.
+
+    Args:
+        advice: printed before all else, but only when nothing has refused the run and work on it begins.
+    """
+
+    def __init__(self, advice: str = "") -> None:
+        self._advice = advice
+
+    def _advise(self) -> None:
+        if self._advice:
+            print(plain(self._advice))
+        self._advice = ""
 
     def begins(self, config: RunConfig, directory: Path) -> None:
+        self._advise()
         task, place = short_name(config.env), short_path(directory)
         if config.model == NO_MODEL and config.tune:
             print(f"{task}: {config.tune} trainings fit the numbers of a reward, in {place}")
@@ -70,6 +83,7 @@ class Terminal:
             print(CONTROL)
 
     def working(self, text: str) -> AbstractContextManager[None]:
+        self._advise()
         return working(text)
 
     def view(self, config: RunConfig, directory: Path, usage: Usage) -> PlainView | TerminalView:

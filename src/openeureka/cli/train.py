@@ -20,8 +20,7 @@ from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import left_out, listed, named, to_tune
 from ..runs.run import Run
-from ..store.directory import output_directory
-from ..store.store import expect_same
+from ..store.directory import expect_free, output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
@@ -48,21 +47,25 @@ def resume(words: Sequence[str]) -> None:
     settings, trusted = trusting(settings, directory)
     stored = compose.stored(directory)
     config = changed(stored, settings)
-    expect_same(directory, stored, config)
+    expect_free(directory, config)
     trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=_trusting(directory), asks=True)
     if config.model == NO_MODEL and config.tune:
         _say_that_all_failed(fit(config, directory, None))
     elif config.model == NO_MODEL:
         _say_what_failed(compare(config, directory, None))
     else:
-        best = directory / "best" / "reward.py"
-        if Run(directory).finished and best.is_file():
-            shown = short_path(directory)
-            print(
-                f"{shown} is finished; its result is below. To improve on it, start a new search from its best reward:"
-            )
-            print(plain(f"  {_next_search(config, best)}"))
-        _tell(directory, compose.search(config, directory, Terminal()))
+        _tell(directory, compose.search(config, directory, Terminal(_to_improve(config, directory))))
+
+
+def _to_improve(config: RunConfig, directory: Path) -> str:
+    """How to go on from what a finished search has found; empty where it found nothing, or is not finished."""
+    best = directory / "best" / "reward.py"
+    if not (Run(directory).finished and best.is_file()):
+        return ""
+    return (
+        f"{short_path(directory)} is finished; its result is below. To improve on it, start a new search from its best "
+        f"reward:\n  {_next_search(config, best)}"
+    )
 
 
 def _next_search(config: RunConfig, best: Path) -> str:
@@ -168,22 +171,22 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     trust.remember(typed)
     with aside() if as_json else nullcontext():
         reward = to_tune(typed, typed.reward)
-        if told := left_out(typed, typed.reward):
-            print(plain(told))
+        advice = left_out(typed, typed.reward)
         directory = output_directory(typed.dir, typed.env, "tune_")
-        run = fit(typed.run_config(), directory, reward)
+        run = fit(typed.run_config(), directory, reward, advice)
     if as_json:
         print(written(run, directory))
     _say_that_all_failed(run)
 
 
-def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None) -> RunView:
+def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None, advice: str = "") -> RunView:
     """Fit what is missing, write the report and print what was found.
 
     Args:
         reward: None for that of the run.
+        advice: printed when the work begins.
     """
-    problems = compose.tune(config, directory, reward, Terminal())
+    problems = compose.tune(config, directory, reward, Terminal(advice))
     run = RunView.read(directory)
     tell(["", *tuned(run)])
     _close(run, directory, problems)
@@ -213,6 +216,7 @@ class _Host(Terminal):
     """A terminal whose searches are resumed by running the bench again."""
 
     def __init__(self, command: str) -> None:
+        super().__init__()
         self._command = command
 
     def again(self, directory: Path) -> str:

@@ -35,7 +35,7 @@ from ..tasks import costs, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
-from ..types import Candidate, Ranks, Usage, Verdict
+from ..types import Candidate, Ranks, Trainer, Usage, Verdict
 from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
 from .trainers import expect_storable, trainer_of
@@ -225,11 +225,12 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     """
     with swept(directory):
         expect_free(directory, config)
+        trainer = trainer_of(config, directory)
         if rewards is not None and not any(rewards.values()):  # else judging their programs has tried it
             with host.working("Trying the task out"):
                 try_out(config.env)
         keep = partial(given.keep, rewards=rewards) if rewards is not None else None
-        with comparing(config, directory, host, keep) as lanes:
+        with comparing(config, directory, host, keep, trainer) as lanes:
             given.train(lanes)
             lanes.store.end()
     return _reported(config, directory, host, "training")
@@ -249,11 +250,12 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
     keep = partial(tuning.keep, origin=reward[0], verdict=reward[1]) if reward is not None else None
     with swept(directory):
         expect_free(directory, config)
+        trainer = trainer_of(config, directory)
         with host.working("Trying the task out"):
             states = record_states(config.env)
         with (
             Sandbox(task.spec, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker,
-            comparing(config, directory, host, keep) as lanes,
+            comparing(config, directory, host, keep, trainer) as lanes,
         ):
             tuning.tune(lanes, checker)
             lanes.store.end()
@@ -313,14 +315,19 @@ def robust(
 
 @contextmanager
 def comparing(
-    config: RunConfig, directory: Path, host: Host, keep: Callable[[Store], object] | None = None
+    config: RunConfig,
+    directory: Path,
+    host: Host,
+    keep: Callable[[Store], object] | None = None,
+    trainer: Trainer | None = None,
 ) -> Iterator[Lanes]:
     """The lanes of a run of given rewards, new or continued, while it is at work.
 
     Args:
         keep: stores the rewards. It is called first, because resuming the run is no remedy where it refuses them.
+        trainer: made before other work, because that may refuse settings; None makes it here.
     """
-    trainer = trainer_of(config, directory)
+    trainer = trainer or trainer_of(config, directory)
     host.begins(config, directory)
     with mirrored(directory, config) as mirrors, _store(directory, config) as store:
         if keep is not None:

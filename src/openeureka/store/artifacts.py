@@ -154,13 +154,30 @@ def expect_regular(directory: Path, *names: str) -> None:
                 raise StoreError(_odd(directory, name))
 
 
+def expect_writable(directory: Path, *names: str) -> None:
+    """Refuse a directory that this user may not write or make, and files there that this user may not write: later, the
+    work would be lost. Raises StoreError."""
+    with explained(directory):
+        for path in (_present(directory), *filter(os.path.exists, (directory / name for name in names))):
+            if not os.access(path, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def _present(directory: Path) -> Path:
+    """The directory, or of those above it the first that exists."""
+    return next(path for path in (directory, *directory.absolute().parents) if path.exists())
+
+
 def expect_room(directory: Path) -> None:
-    """Raises StoreError where the directory holds no run and cannot become one: it is a file, or holds other things."""
-    place = next(path for path in (directory, *directory.absolute().parents) if path.exists())
+    """Raises StoreError where no run can begin or go on in the directory: it is a file, holds other things, or may not
+    be written."""
+    with explained(directory):
+        place = _present(directory)
     if not place.is_dir():
         raise StoreError(f"{short_path(place)} is a file, but a run is a directory; choose another dir=.")
     if place == directory and not (directory / FILENAME).exists() and is_foreign(directory):
         raise StoreError(f"{short_path(directory)} is not empty and not a run; choose another dir=.")
+    expect_writable(directory, FILENAME, LOCK)
 
 
 def is_foreign(directory: Path) -> bool:
