@@ -46,9 +46,9 @@ from openeureka.types import OWN_REWARDS
 
 RESULTS = results("baselines")
 TITLES = (
-    *("task", "reward", "seeds", "steps of each", "first", "best", "held out"),
-    *("curve", "minutes, lanes", "date"),
-)
+    "task", "reward", "seeds", "steps of each", "first", "best", "held out",
+    "curve", "minutes, lanes", "date",
+)  # fmt: skip
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
 
 

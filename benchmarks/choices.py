@@ -39,9 +39,9 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
 """Where candidates pause, and what share of them goes on; where none does, the leading one is chosen there."""
 MINUS = "minus `full`, 95 % interval"
 TITLES = (
-    *("schedule", "steps, of all", "cut by played F, ± standard error", MINUS),
-    *("cut by F in the window, ± standard error", MINUS),
-)
+    "schedule", "steps, of all", "cut by played F, ± standard error", MINUS,
+    "cut by F in the window, ± standard error", MINUS,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -68,9 +68,9 @@ RANKING = (
         "in training, fresh seeds",
         "played, fresh seeds",
     ),
-    *("fresh seeds", "F of the first by training", "the first by playing"),
-    *("the best of the three that race", "the best there was", "human"),
-)
+    "fresh seeds", "F of the first by training", "the first by playing",
+    "the best of the three that race", "the best there was", "human",
+)  # fmt: skip
 SIZES = (1, 2, 4, 8)
 FEWER = ("task", *(f"of {size}" if size > 1 else "a random one" for size in SIZES), "the best there was", "human")
 CHECKPOINTS = ("task", "lanes", "peak of F", "peak of own reward", "end of training", "the one that plays best")

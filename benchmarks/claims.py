@@ -93,15 +93,15 @@ def measure(env: str, group: str) -> Record:
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """One row per task and group."""
-    return [
-        (
-            *(env, title, f"{len(row['scores'])} of {row['replies']}", spread(defined(row["scores"]))),
-            *(number(max(defined(row["scores"]), default=None)), number(row.get("human"))),
-        )
-        for env, groups in measured.items()
-        for group, title in GROUPS.items()
-        if (row := groups.get(group)) is not None
-    ]
+    found = []
+    for env, groups in measured.items():
+        for group, title in GROUPS.items():
+            if group in groups:
+                row = groups[group]
+                share, scores = f"{len(row['scores'])} of {row['replies']}", defined(row["scores"])
+                best, human = number(max(scores, default=None)), number(row.get("human"))
+                found.append((env, title, share, spread(scores), best, human))
+    return found
 
 
 def compared(measured: Mapping[str, Record], better: str, worse: str) -> dict[str, tuple[list[float], list[float]]]:

@@ -29,14 +29,14 @@ from openeureka.types import LaneSpec, TrainBudget
 
 RESULTS = results("cost")
 TASKS = (
-    *("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet"),
-    *("allegro_hand", "shadow_hand", "shadow_hand_spin"),
-    *("shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle"),
-)
+    "cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet",
+    "allegro_hand", "shadow_hand", "shadow_hand_spin",
+    "shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle",
+)  # fmt: skip
 TITLES = (
-    *("", "bare physics", "training", "of it: physics", "resets", "state, observation", "policy", "update"),
+    "", "bare physics", "training", "of it: physics", "resets", "state, observation", "policy", "update",
     "bare / training",
-)
+)  # fmt: skip
 SHOWN = ("physics", "resets", "state and observation", "policy", "update")
 LANES = 2
 EPOCHS = 2

@@ -47,13 +47,13 @@ RESULTS = results("crashes")
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
 """With the errors that the trainer states, two rewards are level with the best one: they play again, and race."""
 SCRIPT = [
-    *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
-    *("```python\nstill wrong\n```", reply(3)),
-    *(reply(2), reply(1.5), reply(1)),  # generation 1: two repeat earlier programs, one of them twice; nothing better
-    *(reply(1), reply(2.5)),
-    *(reply(4), "nothing", reply(4)),  # generation 2: equal programs, and a slot that is given up
-    *("nothing", "nothing", reply(4), "nothing"),
-]
+    reply(1), "no code at all", reply(2),  # generation 0; its second slot takes a repair turn and a refill
+    "```python\nstill wrong\n```", reply(3),
+    reply(2), reply(1.5), reply(1),  # generation 1: two repeat earlier programs, one of them twice; nothing better
+    reply(1), reply(2.5),
+    reply(4), "nothing", reply(4),  # generation 2: equal programs, and a slot that is given up
+    "nothing", "nothing", reply(4), "nothing",
+]  # fmt: skip
 
 
 @dataclass

@@ -35,14 +35,14 @@ from openeureka.types import Generation
 REPLIES = FOLDER / "generations"
 RESULTS = results("generations")
 TITLES = (
-    *("task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones"),
-    *("better by its error", "generated, held out", "human, held out", "seeds"),
-)
+    "task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones",
+    "better by its error", "generated, held out", "human, held out", "seeds",
+)  # fmt: skip
 GYM = (
-    *("environment", "F", "rewards", "steps of each", "steps of all trainings", "minutes of training"),
-    *("best of each generation, played", "generated, held out", "human, held out", "the verdict"),
-    *("generated, further seeds", "human, further seeds", "difference, 95 % interval"),
-)
+    "environment", "F", "rewards", "steps of each", "steps of all trainings", "minutes of training",
+    "best of each generation, played", "generated, held out", "human, held out", "the verdict",
+    "generated, further seeds", "human, further seeds", "difference, 95 % interval",
+)  # fmt: skip
 SEARCH = ("env", "model", "seed", "steps", "sample")
 """What tells one search from another."""
 

@@ -30,9 +30,9 @@ from openeureka.types import History, Scored
 RESULTS = results("greedy")
 SEEDS = 9
 TITLES = (
-    *("task", "`search=best` crowns", "`search=eureka` crowns"),
-    *("F held out, `search=best`", "`search=eureka`", "difference, 95 % interval"),
-)
+    "task", "`search=best` crowns", "`search=eureka` crowns",
+    "F held out, `search=best`", "`search=eureka`", "difference, 95 % interval",
+)  # fmt: skip
 
 
 def greedy(history: History) -> Scored | None:
@@ -79,14 +79,13 @@ def measure(env: str) -> Record:
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """One row per task whose choices differ, in the order of the plan."""
-    return [
-        (
-            *(short_name(env), row["best"], row["eureka"], spread(row["own"]), spread(row["other"])),
-            interval(*row["difference"], digits=3),
-        )
-        for env in load(table.PLAN).tasks
-        if "difference" in (row := measured.get(env, {}))
-    ]
+    found = []
+    for env in load(table.PLAN).tasks:
+        row = measured.get(env, {})
+        if "difference" in row:
+            scores = spread(row["own"]), spread(row["other"]), interval(*row["difference"], digits=3)
+            found.append((short_name(env), row["best"], row["eureka"], *scores))
+    return found
 
 
 def decisive() -> list[str]:

@@ -25,9 +25,9 @@ from records import Record, command_line, conditions, keep, results
 from openeureka.tasks import registry
 
 NAMES = (
-    *("Hopper", "Walker2d", "HalfCheetah", "Ant", "Humanoid", "Swimmer"),
-    *("Reacher", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"),
-)
+    "Hopper", "Walker2d", "HalfCheetah", "Ant", "Humanoid", "Swimmer",
+    "Reacher", "Pusher", "InvertedPendulum", "InvertedDoublePendulum",
+)  # fmt: skip
 ROUNDS = 3
 WORLDS = 256
 RESULTS = results("gym_lifted")

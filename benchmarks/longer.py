@@ -32,9 +32,9 @@ ARCHIVE = FOLDER / "longer"
 RESULTS = results("longer")
 SEEDS = 9
 TITLES = (
-    *("task", "one generation, F held out", "human", "three generations", "human"),
-    *("difference, 95 % interval", "the later one is", "crowned"),
-)
+    "task", "one generation, F held out", "human", "three generations", "human",
+    "difference, 95 % interval", "the later one is", "crowned",
+)  # fmt: skip
 
 
 def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:

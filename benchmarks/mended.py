@@ -19,9 +19,9 @@ PLAN = FOLDER / "plans" / "mended.yaml"
 ARCHIVE = FOLDER / "mended"
 RESULTS = results("mended")
 TITLES = (
-    *("task", "first prompt, F held out", "human", "mended prompt", "human"),
-    *("difference, 95 % interval", "the later one is", "crowned"),
-)
+    "task", "first prompt, F held out", "human", "mended prompt", "human",
+    "difference, 95 % interval", "the later one is", "crowned",
+)  # fmt: skip
 
 
 def left(measured: Mapping[str, Record]) -> list[str]:

@@ -37,9 +37,9 @@ AGAIN = 100
 """
 
 TITLES = (
-    *("task", "steps", "rewards, seeds", "from scratch: best reward, mean of all", "the parent", "fresh weights"),
-    *("an eighth from the parent: best reward, mean of all", "rank correlation of both"),
-)
+    "task", "steps", "rewards, seeds", "from scratch: best reward, mean of all", "the parent", "fresh weights",
+    "an eighth from the parent: best reward, mean of all", "rank correlation of both",
+)  # fmt: skip
 
 
 def measure(options: argparse.Namespace, env: str) -> None:
@@ -109,9 +109,14 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
             again = _by_reward(lanes, share)
             found.append(
                 (
-                    *(env, f"{task['steps']:,}", f"{len(scratch)}, {seeds}"),
-                    *(_cell(scratch), number(lanes[task["parent"]["lane"]]["held_out"], 3), f"{share:.0%}"),
-                    *(_cell(again), _correlation(scratch, again)),
+                    env,
+                    f"{task['steps']:,}",
+                    f"{len(scratch)}, {seeds}",
+                    _cell(scratch),
+                    number(lanes[task["parent"]["lane"]]["held_out"], 3),
+                    f"{share:.0%}",
+                    _cell(again),
+                    _correlation(scratch, again),
                 )
             )
     return found

@@ -35,9 +35,9 @@ RECIPES: Mapping[str, Mapping[str, float]] = {
 }
 """What differs from the task's recipe, see docs/reference/measurements.md."""
 TITLES = (
-    *("task", "advice", "accepted", "trainings", "F, mean over rewards ± standard error"),
-    *("the best reward", "the human one"),
-)
+    "task", "advice", "accepted", "trainings", "F, mean over rewards ± standard error",
+    "the best reward", "the human one",
+)  # fmt: skip
 
 
 def measure(env: str, seed: int) -> None:

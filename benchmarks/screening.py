@@ -45,10 +45,10 @@ TRAINED, WRITTEN = 8, 24
 DRAWS, LEFT_OUT = 1000, 200
 """Searches that are drawn, and for each reward that is left out."""
 TITLES = (
-    *("task", "rewards", "best of 8, screened", "by chance", "difference, 95 % interval"),
-    *("mean of 8, screened", "by chance", "difference, 95 % interval"),
-    *("dropped for disagreeing", "F of these", "of others"),
-)
+    "task", "rewards", "best of 8, screened", "by chance", "difference, 95 % interval",
+    "mean of 8, screened", "by chance", "difference, 95 % interval",
+    "dropped for disagreeing", "F of these", "of others",
+)  # fmt: skip
 
 
 class Scores(NamedTuple):
@@ -225,8 +225,12 @@ def _row(env: str, own: Record) -> tuple[str, ...]:
     return (
         env,
         str(len(own["scores"])),
-        *(number(found.best), number(found.best_by_chance), interval(*own["best"], digits=3)),
-        *(number(found.mean), number(found.mean_by_chance), interval(*own["mean"], digits=3)),
+        number(found.best),
+        number(found.best_by_chance),
+        interval(*own["best"], digits=3),
+        number(found.mean),
+        number(found.mean_by_chance),
+        interval(*own["mean"], digits=3),
         f"{found.dropped:.1f} of {written}",
         number(found.dropped_sum / found.dropped) if found.dropped else "-",
         number(others / (written - found.dropped)),

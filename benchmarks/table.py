@@ -21,9 +21,9 @@ REWARDS = ARCHIVE / "rewards"
 RESULTS = results("headline")
 
 TITLES = (
-    *("task", "steps", "generated, F held out", "human", "sparse", "untrained"),
-    *("generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
-)
+    "task", "steps", "generated, F held out", "human", "sparse", "untrained",
+    "generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation",
+)  # fmt: skip
 ENDINGS = {
     "better": "better than the human one",
     "level": "level with it: no difference shown",

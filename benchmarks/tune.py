@@ -43,9 +43,9 @@ SPOILED = 2.0
 """The largest logarithm of a factor on a number."""
 
 TITLES = (
-    *("task", "numbers", "steps", "seed", "F before, held out", "after", "difference, 95 % interval"),
-    *("of the way back", "numbers that matter"),
-)
+    "task", "numbers", "steps", "seed", "F before, held out", "after", "difference, 95 % interval",
+    "of the way back", "numbers that matter",
+)  # fmt: skip
 
 
 def spoiled(text: str, seed: int) -> str:
@@ -195,7 +195,10 @@ def rows(results: Record, table: Record | None = None) -> list[list[str]]:
             held_out, between = scores["held_out"], scores["difference"]
             share = way_back(scores, goal) if kind == "spoiled" else None
             row = (
-                *(task, numbers, f"{own['settings']['steps']:,}", seed),
+                task,
+                numbers,
+                f"{own['settings']['steps']:,}",
+                seed,
                 spread(held_out.get("before", [])),
                 spread(held_out.get("after", [])),
                 interval(*between, digits=3) if between else "-",

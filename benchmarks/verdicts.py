@@ -31,9 +31,9 @@ SEEDS = (3, 5)
 GAP = 2.5
 """How much better the different rewards are, in spreads of the difference of one seed each."""
 TITLES = (
-    *("interval", "`seeds`", "sure, though all are equal: mean over rows", "the worst row"),
-    *(f"sure, where the winner is better by {GAP} spreads", "seeds taken"),
-)
+    "interval", "`seeds`", "sure, though all are equal: mean over rows", "the worst row",
+    f"sure, where the winner is better by {GAP} spreads", "seeds taken",
+)  # fmt: skip
 
 Spreads = tuple[Sequence[float], float]
 """Spreads of the rewards that race, and of the human one."""

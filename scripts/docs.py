@@ -128,8 +128,10 @@ def parts() -> Mapping[str, Mapping[str, str]]:
         "docs/reference/measurements.md": {
             "choosing": "\n".join(
                 (
-                    *(_rows(choosing, choosing.ranking, choosing.RANKING), choosing.RANKED),
-                    *(_rows(choosing, choosing.fewer, choosing.FEWER), choosing.STANDING),
+                    _rows(choosing, choosing.ranking, choosing.RANKING),
+                    choosing.RANKED,
+                    _rows(choosing, choosing.fewer, choosing.FEWER),
+                    choosing.STANDING,
                     _rows(choosing, choosing.checkpoints, choosing.CHECKPOINTS),
                 )
             ),

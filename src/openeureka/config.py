@@ -23,9 +23,9 @@ _MANY = 100_000
 _MOST_STEPS = 2**53 - 1
 """The largest whole number that every reader of JSON keeps."""
 FREE_TO_CHANGE = (
-    *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
-    *("feedback_timeout", "unsafe_no_sandbox"),
-)
+    "dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log",
+    "feedback_timeout", "unsafe_no_sandbox",
+)  # fmt: skip
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
 AS_TRAINED = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus")
 """Settings of a run that say what its rewards are worth."""

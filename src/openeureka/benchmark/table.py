@@ -149,9 +149,9 @@ class Comparison:
         """The table by task, and the one over tasks."""
         to_first = f"more than {self._first}"
         titles = (
-            *("task", "arm", "seeds", "steps of the search", "steps in all", "F played, matched steps", "F held out"),
-            *("score", to_first, "", "cost, US$", "training"),
-        )
+            "task", "arm", "seeds", "steps of the search", "steps in all", "F played, matched steps", "F held out",
+            "score", to_first, "", "cost, US$", "training",
+        )  # fmt: skip
         by_task = Table(titles, [*map(_cells, self.rows)], self._note())
         titles = ("arm", "cells", "score", to_first, "", "cost, US$", "training")
         over_tasks = Table(titles, [*map(_total_cells, self.totals)], "Over all tasks and seeds.")

@@ -23,11 +23,11 @@ _OF_RUNNERS = ("forward_speed", "height", "upright")
 FIELDS = ("xpos", "xquat", "xipos", "site_xpos", "geom_xpos", "sensordata")
 """Fields of MjData that the values of variables may read."""
 _ATTRIBUTES = (
-    *("sim", "noise", "num_envs", "device", "progress", "distance"),
-    *("qpos", "qvel", "ctrl", "act", "mocap_pos", "mocap_quat", *FIELDS),
-    *("home", "sway", "middle", "half", "up", "joints", "dofs"),
+    "sim", "noise", "num_envs", "device", "progress", "distance",
+    "qpos", "qvel", "ctrl", "act", "mocap_pos", "mocap_quat", *FIELDS,
+    "home", "sway", "middle", "half", "up", "joints", "dofs",
     *(f"{field}_at_start" for field in ("qvel", "act", "mocap_pos", "mocap_quat")),
-)
+)  # fmt: skip
 """Attributes of a drafted task, besides those of its variables and those of every task."""
 
 

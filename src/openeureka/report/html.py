@@ -52,9 +52,9 @@ PAGE_SCRIPT = (*SCRIPT, "ui/follow.js", "ui/play.js")
 """The scripts of `eureka ui`."""
 Kind = Literal["added", "removed", "kept", "place"]
 COLOURED = {
-    *("k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa"),
-    *("mi", "mf", "mh", "c1", "ch", "cm", "nb", "bp"),
-}
+    "k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa",
+    "mi", "mf", "mh", "c1", "ch", "cm", "nb", "bp",
+}  # fmt: skip
 """Pygments' names for the tokens that the style sheet has a colour for."""
 _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "place"}
 

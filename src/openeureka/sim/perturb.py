@@ -15,9 +15,9 @@ from .base import Simulator, aligned
 Masks = dict[str, np.ndarray]
 """By field of MjModel, a mask of the entries that a factor scales."""
 FACTORS = (
-    *("mass", "inertia", "friction", "strength", "stiffness", "drive_damping"),
-    *("joint_damping", "armature", "gravity"),
-)
+    "mass", "inertia", "friction", "strength", "stiffness", "drive_damping",
+    "joint_damping", "armature", "gravity",
+)  # fmt: skip
 """Factors by which the models of worlds can differ; `types.Dynamics` says what they mean."""
 
 

@@ -33,15 +33,15 @@ _TABLED = "(The state table has them.)"
 _LEG = ("hip_angle", "hip_speed", "knee_angle", "knee_speed", "contact")
 KNOWN = {
     "LunarLander": (
-        *("x", "y", "x_velocity", "y_velocity", "angle", "angular_velocity"),
-        *("left_leg_contact", "right_leg_contact"),
+        "x", "y", "x_velocity", "y_velocity", "angle", "angular_velocity",
+        "left_leg_contact", "right_leg_contact",
     ),
     "BipedalWalker": (
-        *("hull_angle", "hull_angular_velocity", "x_velocity", "y_velocity"),
+        "hull_angle", "hull_angular_velocity", "x_velocity", "y_velocity",
         *(f"leg_{leg}_{part}" for leg in (1, 2) for part in _LEG),
         *(f"lidar_{ray}" for ray in range(10)),
     ),
-}
+}  # fmt: skip
 """Names of the columns of environments whose documentation lists them in prose."""
 GOALS = {
     "LunarLander": "to land gently on the landing pad",

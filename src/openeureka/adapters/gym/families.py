@@ -261,8 +261,8 @@ def _between(value: Tensor, limits: tuple[float, float]) -> Tensor:
 FAMILIES: Mapping[str, type[LiftedTask]] = {
     f"{family.__name__}Env": family
     for family in (
-        *(Ant, HalfCheetah, Hopper, Humanoid, Swimmer, Walker2d),
-        *(InvertedDoublePendulum, InvertedPendulum, Pusher, Reacher),
+        Ant, HalfCheetah, Hopper, Humanoid, Swimmer, Walker2d,
+        InvertedDoublePendulum, InvertedPendulum, Pusher, Reacher,
     )
-}
+}  # fmt: skip
 """Families by the name of Gymnasium's class."""
