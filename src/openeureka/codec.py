@@ -28,7 +28,7 @@ class DecodeError(ValueError):
 
 def encode(noun: object, *, indent: int | None = None) -> str:
     """A noun, or lists and dictionaries of nouns, as JSON text."""
-    data = _numbers(plain(noun), lambda number: {"float": str(number)})
+    data = _numbers(to_builtins(noun), lambda number: {"float": str(number)})
     return json.dumps(data, allow_nan=False, indent=indent)
 
 
@@ -38,7 +38,7 @@ def decode(kind: type[T], text: str | bytes) -> T:
     Raises:
         DecodeError: for anything else, however deep or long.
     """
-    return shaped(kind, _parsed(text))
+    return convert(kind, _parsed(text))
 
 
 def _parsed(text: str | bytes) -> Any:
@@ -53,18 +53,18 @@ def _parsed(text: str | bytes) -> Any:
         raise _refusal(error) from None
 
 
-def plain(noun: object) -> Any:
+def to_builtins(noun: object) -> Any:
     """A noun as dictionaries, lists, text and numbers."""
     return msgspec.to_builtins(noun)
 
 
-def defined(noun: object) -> Any:
-    """As `plain`, with None in place of numbers that are not finite: an undefined number never becomes 0."""
-    return _numbers(plain(noun), lambda _: None)
+def to_finite(noun: object) -> Any:
+    """As `to_builtins`, with None in place of numbers that are not finite: an undefined number never becomes 0."""
+    return _numbers(to_builtins(noun), lambda _: None)
 
 
-def shaped(kind: type[T], data: object) -> T:
-    """Inverse of `plain`. Raises DecodeError where the data is not such a noun."""
+def convert(kind: type[T], data: object) -> T:
+    """Inverse of `to_builtins`. Raises DecodeError where the data is not such a noun."""
     try:
         return msgspec.convert(data, kind)
     except (ValueError, RecursionError) as error:

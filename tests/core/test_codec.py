@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from openeureka.codec import DecodeError, decode, encode, shaped
+from openeureka.codec import DecodeError, convert, decode, encode
 from openeureka.store.rows import decode_result, decode_verdict, encode_result
 from openeureka.types import (
     Checkpoint,
@@ -162,4 +162,4 @@ def test_data_that_is_nested_without_end_is_no_noun() -> None:
     for _ in range(100_000):
         deep = [deep]
     with pytest.raises(DecodeError):
-        shaped(LaneSpec, {"id": "a", "program": {"nodes": [{"op": "input", "args": deep}]}})
+        convert(LaneSpec, {"id": "a", "program": {"nodes": [{"op": "input", "args": deep}]}})

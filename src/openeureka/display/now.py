@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..codec import DecodeError, decode, defined, encode
+from ..codec import DecodeError, decode, encode, to_finite
 from ..config import RunConfig
 from ..errors import StoreError
 from ..events import Asked, Began, Event, Replied
@@ -142,4 +142,4 @@ class Recorder:
             },
         )
         with suppress(StoreError):
-            artifacts.write(self._directory, NOW, encode(defined(now)))
+            artifacts.write(self._directory, NOW, encode(to_finite(now)))

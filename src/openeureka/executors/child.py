@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from ..codec import shaped
+from ..codec import convert
 from ..errors import CapacityError, TaskError, WorkerError
 from ..tasks.faults import fault
 from ..training.episodes import rewards
@@ -57,7 +57,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
         request.blobs,
         seed=header["seed"],
         episodes=header["episodes"],
-        dynamics=shaped(dict[str, Dynamics], header["dynamics"]),
+        dynamics=convert(dict[str, Dynamics], header["dynamics"]),
         record=header["record"],
         untrained=header["untrained"],
         **options,

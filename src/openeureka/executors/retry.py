@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..codec import plain
+from ..codec import to_builtins
 from ..errors import StoreError, WorkerError
 from ..training.wire import SNAPSHOT, pack_lanes, pack_question, unpack, unpack_score
 from ..types import (
@@ -292,7 +292,7 @@ class Questions:
             WorkerError: when the second worker dies too, or one machine too many is lost.
         """
         header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
-        header |= {"dynamics": plain(dynamics or {}), "record": list(record)}
+        header |= {"dynamics": to_builtins(dynamics or {}), "record": list(record)}
         left, deaths, losses = dict(policies), 0, 0
         while left and deaths < 2:
             header["untrained"] = {lane: own for lane, own in (untrained or {}).items() if lane in left}

@@ -25,7 +25,7 @@ from markupsafe import Markup, escape
 from pygments.lexers import PythonLexer
 from pygments.token import STANDARD_TYPES
 
-from ..codec import plain as data_of
+from ..codec import to_builtins
 from ..config import NO_MODEL, short_name
 from ..numbers import dollars, duration, number, scored
 from ..store import artifacts
@@ -182,7 +182,7 @@ def code(source: str) -> Markup:
 
 def data(noun: object) -> str:
     """A noun for a script of the page, as JSON."""
-    return json.dumps(data_of(noun), separators=(",", ":"))
+    return json.dumps(to_builtins(noun), separators=(",", ":"))
 
 
 def _inert(value: object) -> object:

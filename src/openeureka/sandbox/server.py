@@ -25,7 +25,7 @@ from typing import Any, NoReturn
 
 import torch
 
-from ..codec import encode, shaped
+from ..codec import convert, encode
 from ..reward import examine, gate, graph, load, probe
 from ..reward.dispatch import without_compiler
 from ..reward.states import only
@@ -316,7 +316,7 @@ def main() -> None:
     if frame is None:
         return
     header = frame.header
-    bench = _Bench(shaped(StateSpec, header["spec"]), _decode_recorded(frame), header["worlds"], header["confined"])
+    bench = _Bench(convert(StateSpec, header["spec"]), _decode_recorded(frame), header["worlds"], header["confined"])
     problem = _warm_up(bench)
     channel.send({"problem": problem})
     while not problem and (frame := channel.receive()) is not None:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ..codec import DecodeError, decode, defined, encode, shaped
+from ..codec import DecodeError, convert, decode, encode, to_finite
 from ..errors import StoreError, WorkerError
 from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Ranges, Standing, TrainingResult
 from ..worker import framed, unframed
@@ -58,7 +58,7 @@ class LaneLog(Log):
             artifacts.write(self._directory, f"{folder}/curves.json", text)
             for name, policy in result.policies.items():
                 artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
-            rows.append({"lane": result.lane, "fitness": defined(result.fitness), "result": text})
+            rows.append({"lane": result.lane, "fitness": to_finite(result.fitness), "result": text})
         self._database.put("results", *rows)
 
     def result(self, lane: str) -> TrainingResult | None:
@@ -99,7 +99,7 @@ class LaneLog(Log):
     def best_policy(self) -> PolicyId | None:
         """The best policy, whatever it was trained with; None before it is judged, and in runs without `polish=`."""
         row = self._database.row("best_policy")
-        return self._database.decoded(shaped, PolicyId, (row["lane"], row["peak"])) if row is not None else None
+        return self._database.decoded(convert, PolicyId, (row["lane"], row["peak"])) if row is not None else None
 
     def save_evaluations(self, scores: Iterable[Evaluation]) -> None:
         self._database.put("evaluations", *map(encode_evaluation, scores))
@@ -120,7 +120,7 @@ class LaneLog(Log):
         for score in scores:
             if score.recorded is not None:
                 bare = dataclasses.replace(score.recorded, states=b"")
-                data = framed({"episodes": defined(bare)}, {"states": score.recorded.states})
+                data = framed({"episodes": to_finite(bare)}, {"states": score.recorded.states})
                 artifacts.write(self._directory, _episodes(score.lane), data)
         self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
 
@@ -137,7 +137,7 @@ class LaneLog(Log):
         data = artifacts.read(self._directory, _episodes(lane))
         try:
             frame = unframed(data or b"")
-            found = dataclasses.replace(shaped(Episodes, frame.header["episodes"]), states=frame.blobs["states"])
+            found = dataclasses.replace(convert(Episodes, frame.header["episodes"]), states=frame.blobs["states"])
         except (WorkerError, DecodeError, KeyError):
             return None
         return found if len(found.fitness) == len(found.steps) else None
@@ -157,7 +157,7 @@ class LaneLog(Log):
 
     def pause(self, rung: int, result: TrainingResult) -> None:
         """Store the state of a lane that paused, to continue from. It replaces the state of an earlier rung."""
-        data = framed({"rung": rung, "result": defined(result.holding({}))}, result.blobs)
+        data = framed({"rung": rung, "result": to_finite(result.holding({}))}, result.blobs)
         artifacts.write(self._directory, _paused(result.lane), data)
 
     def paused(self, rung: int, lane: str) -> TrainingResult | None:
@@ -166,7 +166,7 @@ class LaneLog(Log):
         data = artifacts.read(self._directory, _paused(lane))
         try:
             frame = unframed(data or b"")
-            result = shaped(TrainingResult, frame.header["result"])
+            result = convert(TrainingResult, frame.header["result"])
         except (WorkerError, DecodeError, KeyError):
             return None
         if frame.header.get("rung") != rung or result.lane != lane:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from ..codec import DecodeError, decode, defined, encode, shaped
+from ..codec import DecodeError, convert, decode, encode, to_finite
 from ..text import safe_text
 from ..types import Evaluation, Lane, Message, Peak, Place, Remark, Reply, Screened, TrainingResult, Usage, Verdict
 from ..types.bounds import Finite, Name
@@ -69,7 +69,7 @@ def decode_lane(row: Mapping[str, Any]) -> Lane:
         columns["start"] = {"policy": (row["start_lane"], row["start_peak"]), "fresh": row["start_fresh"]}
     if row["ranges"] is not None:
         columns["ranges"] = row["ranges"]
-    lane = shaped(Lane, columns)
+    lane = convert(Lane, columns)
     if lane.id != row["lane"]:
         raise DecodeError(f"{row['lane']!r:.40} is no lane")
     return lane
@@ -96,7 +96,7 @@ class _Files:
 
 def encode_result(result: TrainingResult) -> str:
     """Everything but the policies, which are files of their own."""
-    data = defined(replace(result.holding({}), message=safe_text(result.message)))
+    data = to_finite(replace(result.holding({}), message=safe_text(result.message)))
     for name, policy in result.policies.items():
         peak: dict[str, Any] = data[name] or {}
         peak.pop("policy", None)
@@ -132,7 +132,7 @@ def decode_result(lane: str, text: str | bytes) -> TrainingResult:
         DecodeError: for anything but a result. Also where its curves differ in length or a peak's epoch is beyond their
             end, because curves are read at these epochs.
     """
-    result = shaped(TrainingResult, decode(dict[str, Any], text) | {"lane": lane, "last": None}).holding({})
+    result = convert(TrainingResult, decode(dict[str, Any], text) | {"lane": lane, "last": None}).holding({})
     lengths = {len(result.curves[name]) for name in EVERY_EPOCH if name in result.curves}
     peaks = [peak.epoch for peak in (result.best_fitness, result.best_reward) if peak is not None]
     if len(lengths) > 1 or any(epoch >= length for epoch in peaks for length in lengths):
@@ -164,12 +164,12 @@ def encode_remark(remark: Remark) -> dict[str, Any]:
 def decode_remark(row: Mapping[str, Any]) -> Remark:
     """Raises DecodeError for an unknown kind of remark."""
     places = {"place": decode_place(row), "over": decode_place(row, "over_")}
-    return shaped(Remark, {"kind": row["kind"], "text": row["text"], **places})
+    return convert(Remark, {"kind": row["kind"], "text": row["text"], **places})
 
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
     """The columns of a row: undefined numbers are None, recorded episodes are left out (they have a file)."""
-    row = defined(replace(evaluation, recorded=None))
+    row = to_finite(replace(evaluation, recorded=None))
     del row["recorded"]
     return row | {"costs": encode(evaluation.costs) if evaluation.costs else None}
 
@@ -185,7 +185,7 @@ def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
 
 def encode_screened(screened: Screened) -> dict[str, Any]:
     """The columns of a row."""
-    row = defined(screened) | {"reason": safe_text(screened.reason)}
+    row = to_finite(screened) | {"reason": safe_text(screened.reason)}
     del row["place"], row["nearest"]
     return row | encode_place(screened.place) | encode_place(screened.nearest, "nearest_")
 
@@ -194,4 +194,4 @@ def decode_screened(row: Mapping[str, Any]) -> Screened:
     """Inverse of `encode_screened`. Raises DecodeError for anything else."""
     columns = {name: row[name] for name in ("agreement", "error", "likeness", "reason")}
     columns |= {"place": decode_place(row), "nearest": decode_place(row, "nearest_")}
-    return shaped(Screened, columns | {"kept": bool(row["kept"])})
+    return convert(Screened, columns | {"kept": bool(row["kept"])})

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from filelock import FileLock
 
-from ..codec import decode, encode, shaped
+from ..codec import convert, decode, encode
 from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig
 from ..errors import ConfigError, NotBegun, StoreError
 from ..parsing import restored, short_path
@@ -255,7 +255,7 @@ class Store:
             held_out=row["held_out"],
             human=row["human"],
             usage=decode_usage(row),
-            word=self._database.decoded(shaped, Word, row["word"] or ""),
+            word=self._database.decoded(convert, Word, row["word"] or ""),
         )
 
     def _lawful(self) -> float | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import mujoco
 import numpy as np
 
-from ..codec import plain
+from ..codec import to_builtins
 from ..errors import TaskError
 from .anatomy import HINGE, ON_JOINTS, floating_joint
 
@@ -112,7 +112,7 @@ def described(task: type[Task], unseen: Collection[int] = ()) -> dict[str, Any]:
         TaskError: as `interface` does.
     """
     if task.deployment is not None:
-        return plain(interface(task, task.compile_model(), unseen))
+        return to_builtins(interface(task, task.compile_model(), unseen))
     known = {"env": task.env, "control_rate": 1.0 / task.control_dt, "observation_clip": task.clip_observations}
     return known | {"observation_unseen": list(unseen)} | task.acting()
 

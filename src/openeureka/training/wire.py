@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ..codec import defined, plain, shaped
+from ..codec import convert, to_builtins, to_finite
 from ..reward.validate import validate
 from ..types import (
     Episodes,
@@ -39,44 +39,44 @@ def pack_lanes(env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Fram
         # Snapshots are identified by this header: trainings with other starts must not share one.
         "starts": {name: hashlib.sha256(start).hexdigest() for name, start in starts.items()},
     }
-    return Frame(plain(header), starts)
+    return Frame(to_builtins(header), starts)
 
 
 def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
     """Inverse of `pack_lanes`; graphs are validated again. Lanes with a snapshot need no state of their own."""
-    lanes = shaped(list[LaneSpec], frame.header["lanes"])
+    lanes = convert(list[LaneSpec], frame.header["lanes"])
     for lane in lanes:
         if isinstance(lane.program, RewardGraph):
             validate(lane.program)
     blobs = frame.blobs
     paused = {} if SNAPSHOT in blobs else {lane.id: blobs.get(f"{lane.id} {PAUSED}") for lane in lanes}
     started = [replace(lane, start=blobs.get(lane.id), paused=paused.get(lane.id)) for lane in lanes]
-    return frame.header["env"], started, shaped(TrainBudget, frame.header["budget"])
+    return frame.header["env"], started, convert(TrainBudget, frame.header["budget"])
 
 
 def pack(message: TrainingEvent) -> Frame:
     if isinstance(message, TrainingProgress):
-        return Frame({"progress": defined(message)})
-    return Frame({"result": defined(message.holding({}))}, message.blobs)
+        return Frame({"progress": to_finite(message)})
+    return Frame({"result": to_finite(message.holding({}))}, message.blobs)
 
 
 def unpack(frame: Frame) -> TrainingEvent:
     """Inverse of `pack`."""
     if "progress" in frame.header:
-        return shaped(TrainingProgress, frame.header["progress"])
-    return shaped(TrainingResult, frame.header["result"]).holding(frame.blobs)
+        return convert(TrainingProgress, frame.header["progress"])
+    return convert(TrainingResult, frame.header["result"]).holding(frame.blobs)
 
 
 def pack_score(score: Evaluation) -> Frame:
     if score.recorded is None:
-        return Frame({"score": defined(score)})
+        return Frame({"score": to_finite(score)})
     bare = replace(score, recorded=replace(score.recorded, states=b""))
-    return Frame({"score": defined(bare)}, {STATES: score.recorded.states})
+    return Frame({"score": to_finite(bare)}, {STATES: score.recorded.states})
 
 
 def unpack_score(frame: Frame) -> Evaluation:
     """Inverse of `pack_score`."""
-    score = shaped(Evaluation, frame.header["score"])
+    score = convert(Evaluation, frame.header["score"])
     if score.recorded is None:
         return score
     return replace(score, recorded=replace(score.recorded, states=frame.blobs[STATES]))
@@ -86,11 +86,11 @@ def pack_question(env: str, programs: Mapping[str, RewardGraph], episodes: Seque
     """The question what programs would have paid in recorded episodes."""
     bare = [replace(one, states=b"") for one in episodes]
     header = {"do": "rewards", "env": env, "programs": programs, "episodes": bare}
-    return Frame(plain(header), {str(place): one.states for place, one in enumerate(episodes)})
+    return Frame(to_builtins(header), {str(place): one.states for place, one in enumerate(episodes)})
 
 
 def unpack_question(frame: Frame) -> tuple[str, dict[str, RewardGraph], list[Episodes]]:
     """Inverse of `pack_question`."""
-    bare = shaped(list[Episodes], frame.header["episodes"])
+    bare = convert(list[Episodes], frame.header["episodes"])
     episodes = [replace(one, states=frame.blobs[str(place)]) for place, one in enumerate(bare)]
-    return frame.header["env"], shaped(dict[str, RewardGraph], frame.header["programs"]), episodes
+    return frame.header["env"], convert(dict[str, RewardGraph], frame.header["programs"]), episodes

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...codec import DecodeError, shaped
+from ...codec import DecodeError, convert
 from ...errors import TaskError, WorkerError
 from ...worker import Frame, Stranger, WorkerDied, WorkerTimeout
 
@@ -168,7 +168,7 @@ class Link:
 
     def _description(self, answer: Frame) -> Description:
         try:
-            return shaped(Description, answer.header)
+            return convert(Description, answer.header)
         except DecodeError as error:
             raise TaskError(f"The description that `{self._env}` gives of itself is not valid: {error}.") from None
 
