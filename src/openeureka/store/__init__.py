@@ -2,7 +2,7 @@
 
 from .directory import expect_files, has_begun, is_run, look, read_config, read_remarks, read_replies, say
 from .hold import is_held
-from .lane_log import StageFiles
+from .stages import StageFiles
 from .store import Store
 
 __all__ = [

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import partial
 
-from ..store.lane_log import StageFiles
+from ..store.stages import StageFiles
 from ..tasks.task import Stage
 from ..types import LaneSpec, TrainBudget, Trainer, TrainingEvent, TrainingProgress, TrainingResult, TrainingState
 
