@@ -104,20 +104,12 @@ class Lanes:
         ladder = Ladder(self.store.lanes, rivals, self.config.cost_limits, self._of_the_moment)
         whole = self._budget(steps)
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
-            due, failed = ladder.due(number, rung, going), list[TrainingResult]()
+            due = ladder.due(number, rung, going)
             budget = dataclasses.replace(whole, until=rung.share)
+            failed: list[TrainingResult] = []
+            hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
             for group in _alike(due):
-                hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
-                events, event = self.trainer.train(self.config.env, group, budget), None
-                try:
-                    for event in events:
-                        hear(event)
-                except KeyboardInterrupt as stop:
-                    self._hear_out(events, event, hear, stop)
-                    raise
-                finally:
-                    if isinstance(events, Generator):
-                        events.close()  # else whoever keeps the error would keep this, and its workers, at work
+                self._train_together(group, budget, hear)
             # If all of these rewards are generated, the trainer itself has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -129,6 +121,22 @@ class Lanes:
                 self._keep(result, sharing[result.lane])
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
+
+    def _train_together(
+        self, specs: Sequence[LaneSpec], budget: TrainBudget, hear: Callable[[TrainingEvent], None]
+    ) -> None:
+        """Train lanes side by side and `hear` every event, also those that had arrived when Ctrl-C came."""
+        events = self.trainer.train(self.config.env, specs, budget)
+        event: TrainingEvent | None = None
+        try:
+            for event in events:
+                hear(event)
+        except KeyboardInterrupt as stop:
+            self._hear_out(events, event, hear, stop)
+            raise
+        finally:
+            if isinstance(events, Generator):
+                events.close()  # else whoever keeps the error would keep this, and its workers, at work
 
     def _trained(self, lanes: Iterable[Lane]) -> bool:
         """Whether any of these lanes could be trained, perhaps before the run was stopped: the machine can train."""
@@ -187,11 +195,12 @@ class Lanes:
         )
 
     def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
-        ranges = self.store.lanes.ranges()[lane.ranges] if lane.ranges else None
+        log = self.store.lanes
+        ranges = log.ranges()[lane.ranges] if lane.ranges else None
         spec = LaneSpec(id=lane.id, program=program, seed=lane.seed, randomise=ranges)
         if lane.start is None:
             return spec
-        log, policy = self.store.lanes, lane.start.policy
+        policy = lane.start.policy
         rescaled = log.all()[policy.lane].reward != lane.reward
         return dataclasses.replace(spec, start=log.policy(*policy), fresh=lane.start.fresh, rescaled=rescaled)
 
