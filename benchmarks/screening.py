@@ -27,7 +27,7 @@ from records import FOLDER, OUTPUTS, Record, command_line, interval, machine, on
 from openeureka.config import RunConfig
 from openeureka.method import screen
 from openeureka.method.lanes import Lanes
-from openeureka.method.seeds import beside, deal
+from openeureka.method.seeds import deal, trained_baselines
 from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
@@ -127,7 +127,7 @@ def trained(env: str) -> Pool:
     config = RunConfig(env=env, model="replay", steps=choosing.STEPS[env], seed=0, screen=WRITTEN // TRAINED)
     with comparing(config, OUTPUTS / "screening" / env, Script()) as lanes:
         own = graphs(env, lanes)
-        ids = [*lanes.train([*deal(own.items(), [0], "candidate"), *deal(beside(config), [0], "baseline")])]
+        ids = [*lanes.train([*deal(own.items(), [0], "candidate"), *deal(trained_baselines(config), [0], "baseline")])]
         played = lanes.play(ids) and lanes.first_looks(ids)
         held_out = lanes.evaluate(lanes.counted_peaks(ids))
         scores: dict[CandidateId, Scores] = {}

@@ -15,7 +15,7 @@ from .method.lanes import Lanes
 from .method.person import Desk, Hearing
 from .method.reflection import scored
 from .method.sampling import Checker, Sampler
-from .method.seeds import beside, deal, programs
+from .method.seeds import deal, programs, trained_baselines
 from .refine import polishing, tuning
 from .score import Outcome
 from .store import Store
@@ -57,7 +57,7 @@ def run(
         tell(Began("train", index))
         wanted = deal(programs(samples), [config.seed], "candidate")
         if index == 0:
-            wanted += deal(beside(config), [config.seed], "baseline")
+            wanted += deal(trained_baselines(config), [config.seed], "baseline")
         results = lanes.train(wanted)
         if strategy.ranks == "played":
             tell(Began("play", index))

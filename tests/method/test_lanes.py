@@ -9,13 +9,21 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.events import Event, nobody
 from openeureka.method.lanes import Lanes
-from openeureka.method.seeds import beside, deal, final_lanes, final_seeds, polish_seeds, tuning_seeds, unused_seed
+from openeureka.method.seeds import (
+    deal,
+    final_lanes,
+    final_seeds,
+    polish_seeds,
+    trained_baselines,
+    tuning_seeds,
+    unused_seed,
+)
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult
 
-LANES = deal(beside(RunConfig()), [0, 1], "baseline")
+LANES = deal(trained_baselines(RunConfig()), [0, 1], "baseline")
 
 
 def test_no_seed_has_two_tasks() -> None:

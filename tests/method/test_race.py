@@ -122,7 +122,7 @@ def test_the_difference_allows_for_the_best_having_been_picked_and_for_every_loo
 
 def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
     scores = {"a": [10.0, 10.2], "b": [9.9, 10.3], "c": [1.0, 1.2], "human": [5.0, 5.1]}
-    assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both have the mean 10.1: of equals, the first leads
+    assert race.unbeaten(scores, ["b", "a", "c"]) == ["b", "a"]  # both have the mean 10.1: of equals, the first leads
 
 
 def test_who_left_to_a_leader_that_breaks_a_limit_is_back(tmp_path: Path) -> None:
@@ -144,8 +144,8 @@ def test_who_left_to_a_leader_that_breaks_a_limit_is_back(tmp_path: Path) -> Non
 
 
 def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() -> None:
-    assert race.running({"a": [], "b": [9.0, 10.0], "human": [5.0, 5.1]}, ["a", "b"]) == ["b"]
-    assert race.running({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]
+    assert race.unbeaten({"a": [], "b": [9.0, 10.0], "human": [5.0, 5.1]}, ["a", "b"]) == ["b"]
+    assert race.unbeaten({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]
 
 
 def test_a_final_training_that_diverged_is_one_score_less(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, RewardProgram, Scored, TrainingResult
 from . import baselines, hacking
 from .lanes import Lanes
-from .seeds import beside, deal, final_lanes, final_seeds, programs
+from .seeds import deal, final_lanes, final_seeds, programs, trained_baselines
 
 CONTENDERS = 3
 """The most rewards that train again."""
@@ -100,19 +100,21 @@ def crown(history: History, lanes: Lanes) -> Scored | None:
     if not racing:
         return None
     config, seeds, known = lanes.config, final_seeds(lanes.config), baselines.chosen(lanes.config)
+    baselines_too = trained_baselines(config)
+    human_too = [reward for reward in baselines_too if reward[0] == "human"]
 
-    def train(names: Iterable[str], more: Iterable[int], *others: tuple[str, RewardProgram]) -> None:
+    def train(names: Iterable[str], more: Iterable[int], others: Iterable[tuple[str, RewardProgram]]) -> None:
         lanes.train(deal([*programs(racing[name].sample for name in names), *others], more, "final"))
 
     def look(names: Sequence[str], more: Sequence[int], so_far: Sequence[int]) -> tuple[Scores, Sequence[str]]:
-        train(names, more, *beside(config)[:1])
+        train(names, more, human_too)
         first, scores = play_finals(lanes, lanes.final(tuple(racing.values()), so_far))
         if known is not None:
             scores["human"] = list(known.human.scores)
         return scores, [name for name in racing if lawful(first[name], history.limits)]
 
     if lanes.ranks != "played":
-        train(racing, seeds, *beside(config))
+        train(racing, seeds, baselines_too)
         return next(iter(racing.values()))
     left = hold([*racing], "human", seeds, look)
     return racing[left[0]] if left else None
@@ -179,7 +181,7 @@ def hold(names: Sequence[str], against: str, seeds: Sequence[int], look: Look) -
         left = [name for name in left if name in able] or list(able)
         if not left:
             break
-        left = running(scores, left)
+        left = unbeaten(scores, left)
         # The winner was picked among all, and each further look may err again: both call for more certainty.
         if len(left) == 1 and sure(scores, left[0], against, len(names) / share(trained, len(seeds))):
             break
@@ -198,7 +200,7 @@ def share(trained: int, seeds: int) -> float:
     return spent(trained, seeds, FIRST)
 
 
-def running(scores: Scores, names: Sequence[str]) -> list[str]:
+def unbeaten(scores: Scores, names: Sequence[str]) -> list[str]:
     """The names not yet shown to be worse than the leader, which comes first. A reward whose trainings all diverged is
     shown to be worse as soon as another has a score."""
     ordered = sorted(names, key=lambda name: -rank(mean(scores[name])))

@@ -32,7 +32,7 @@ def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
 
 
-def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
+def trained_baselines(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
     """The human and the sparse reward, with which candidates are compared, if the run trains them itself."""
     return tuple((name, name) for name in OWN_REWARDS) if config.baselines == "train" else ()
 
@@ -76,7 +76,7 @@ def final_lanes(
     """
     wanted = final_seeds(config) if seeds is None else seeds
     fresh = {entry.candidate_id: list(wanted) for entry in entries}
-    fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
+    fresh |= {name: [config.seed, *wanted] for name, _ in trained_baselines(config)}
     return {
         name: [
             lane for seed in own if (lane := lane_id(name, seed)) in results and (seed != config.seed or lane in scores)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..config import AS_TRAINED, TrainConfig
-from ..method.seeds import beside, unused_seed
+from ..method.seeds import trained_baselines, unused_seed
 from ..parsing import command_line
 from ..refine.tuned import ORIGINAL
 from ..stats import Difference
@@ -72,7 +72,9 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
     """
     if run.searched:
         ended, own = run.outcome, run.best.program if run.best is not None else None
-        if ended is None or own is None or not beside(run.config) or not (ended.method.scores and ended.human.scores):
+        if ended is None or own is None or not trained_baselines(run.config):
+            return None
+        if not (ended.method.scores and ended.human.scores):
             return None
         kept = "best" if run.fitted is None else f"candidates/{own.id}"  # else best/ holds another reward
         return ended.difference, ("human", f"{directory}/{kept}/reward.py")
