@@ -67,7 +67,8 @@ def render(context: TaskContext, plan: PromptPlan, style: Style, *, progress: bo
     Raises:
         TaskError: if the style is `grammar` and the task marks no variable for it.
     """
-    return (_free if style == "free" else _grammar)(context, plan, progress)
+    write = _free if style == "free" else _grammar
+    return write(context, plan, progress)
 
 
 def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
@@ -239,11 +240,15 @@ def with_error(score: Evaluation) -> str:
 
 def scale(unit: str, ends: tuple[float | None, float | None]) -> str:
     """Unit and range of a task's score, as far as the task declares them."""
-    low, high = (None if bound is None else f"{bound:g}" for bound in ends)
+    low, high = ends
     if low is not None and high is not None:
-        bounds = f"from {low} to {high}"
+        bounds = f"from {low:g} to {high:g}"
+    elif low is not None:
+        bounds = f"at least {low:g}"
+    elif high is not None:
+        bounds = f"at most {high:g}"
     else:
-        bounds = f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+        bounds = ""
     return ", ".join(part for part in (unit, bounds) if part)
 
 

@@ -91,7 +91,7 @@ class Sampler:
             RewardFileError: when it cannot be read or was refused; no reply is stored then.
         """
         if self.store.talk.reply(0, 0, 0) is None:
-            reply = Reply(text=extract.fenced(initial(self.config).source), model=GIVEN)
+            reply = Reply(text=extract.fenced(init_candidate(self.config).source), model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
             self.store.talk.save_reply(0, 0, 0, reply)
         self.store.talk.save_slots(0, range(1), asked=None, parent=None)
@@ -162,7 +162,7 @@ class Sampler:
         return reply
 
 
-def initial(config: RunConfig) -> Candidate:
+def init_candidate(config: RunConfig) -> Candidate:
     """The program that `init=` names: the human reward, or the one in a file, which may hold a model's whole answer.
 
     Raises:
@@ -180,7 +180,7 @@ def initial(config: RunConfig) -> Candidate:
 def admit(config: RunConfig, checker: Checker) -> None:
     """Raise what `Sampler.initial` would raise, before anything of a run is made."""
     if config.init:
-        _accept(config, checker.check(initial(config)))
+        _accept(config, checker.check(init_candidate(config)))
 
 
 def _accept(config: RunConfig, verdict: Verdict) -> None:

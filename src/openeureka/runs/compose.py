@@ -162,7 +162,7 @@ def _prepared(
     costs.check(config.env, config.cost_limits)
     begun = has_begun(directory)
     if config.init and not begun:
-        sampling.initial(config)  # refuses what cannot be read, before a model is opened
+        sampling.init_candidate(config)  # refuses what cannot be read, before a model is opened
     trainer = trainer_of(config, directory)
     with closing(priced(model, config) if model is not None else _model(config, directory)) as model:
         if begun:  # its model may replay its own replies, which do not tell the style of their prompts
