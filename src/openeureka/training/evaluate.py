@@ -110,8 +110,10 @@ def _side_by_side(
     lost = broken.view(lanes, worlds).sum(1).tolist()
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
-    played = zip(policies, sums, parts, lost, costs, map(kept.get, range(lanes)), strict=True)
-    return [replace(summed_up(*one), noisy=noisy) for one in played]
+    return [
+        replace(summed_up(lane, sums[i], parts[i], lost[i], costs[i], kept.get(i)), noisy=noisy)
+        for i, lane in enumerate(policies)
+    ]
 
 
 def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:

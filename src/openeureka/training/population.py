@@ -193,7 +193,8 @@ class Population:
 
     def lane_state(self, lane: int) -> pausing.State:
         """All that the next epoch of one lane depends on, copied."""
-        worlds, peaks = slice(lane * self.worlds, (lane + 1) * self.worlds), (self.best_fitness, self.best_reward)
+        worlds = slice(lane * self.worlds, (lane + 1) * self.worlds)
+        peaks = self.best_fitness[lane], self.best_reward[lane]
         return {
             "device": self.kind,
             "epoch": self.epoch,
@@ -204,7 +205,7 @@ class Population:
             "ppo": self.ppo.lane_state(lane),
             "curves": self.curves.lane_state(lane),
             "rewards": self.rewards.lane_state(lane),
-            "peaks": [[(peak := kept[lane]) and peak.state_dict()] for kept in peaks],
+            "peaks": [[peak.state_dict() if peak is not None else None] for peak in peaks],
             "messages": [self.messages[lane]],
             "trained": [self.trained[lane]],
         }
@@ -222,18 +223,17 @@ class Population:
         self.curves.load_lanes([lane["curves"] for lane in lanes])
         if "rewards" in lanes[0]:  # an older version saved none, and knew no bonus that needs them
             self.rewards.load_lanes([lane["rewards"] for lane in lanes])
-        self.best_fitness, self.best_reward = (
-            [
-                peak and Kept(peak["epoch"], peak["value"], self._policy(peak["policy"]))
-                for lane in lanes
-                for peak in lane["peaks"][which]
-            ]
-            for which in range(2)
-        )
-        self.messages, self.trained = ([lane[name][0] for lane in lanes] for name in ("messages", "trained"))
+        self.best_fitness = [self._kept(lane["peaks"][0][0]) for lane in lanes]
+        self.best_reward = [self._kept(lane["peaks"][1][0]) for lane in lanes]
+        self.messages = [lane["messages"][0] for lane in lanes]
+        self.trained = [lane["trained"][0] for lane in lanes]
 
-    def _policy(self, tensors: Mapping[str, Tensor]) -> Policy:
-        return Policy(self.env_name, tensors, self.ppo.choices, self.ppo.network.unseen, self.interface)
+    def _kept(self, peak: Mapping[str, Any] | None) -> Kept | None:
+        """Inverse of `Kept.state_dict`; None where a lane has no peak yet."""
+        if peak is None:
+            return None
+        policy = Policy(self.env_name, peak["policy"], self.ppo.choices, self.ppo.network.unseen, self.interface)
+        return Kept(peak["epoch"], peak["value"], policy)
 
     def _now(self, lane: int) -> Policy:
         return Policy.of(self.env_name, self.ppo, lane, self.interface)
