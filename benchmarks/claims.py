@@ -23,12 +23,12 @@ import fresh
 import longer
 import rungs
 import table
-from records import FOLDER, OUTPUTS, Record, command_line, defined, interval, keep, machine, read, results, show
+from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.numbers import number, spread
-from openeureka.stats import mean, pooled, quantile
+from openeureka.stats import defined, mean, pooled, quantile
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")

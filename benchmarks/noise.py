@@ -15,12 +15,12 @@ from pathlib import Path
 import fresh
 from choosing import JUDGED
 from ledger import in_sentences
-from records import Record, by_reward, command_line, correlation, defined, joined, keep, read, results
+from records import Record, by_reward, command_line, correlation, joined, keep, read, results
 
 import openeureka
 from openeureka.config import short_name
 from openeureka.numbers import number
-from openeureka.stats import mean, pooled
+from openeureka.stats import defined, mean, pooled
 from openeureka.store import Store
 from openeureka.training.evaluate import evaluate
 

@@ -16,11 +16,11 @@ from statistics import stdev
 
 import rungs
 from ledger import differing, whole
-from records import FOLDER, Record, by_reward, command_line, defined, machine, read, results, reward_and_seed, write
+from records import FOLDER, Record, by_reward, command_line, machine, read, results, reward_and_seed, write
 from scipy.stats import ttest_ind
 
 from openeureka.numbers import number
-from openeureka.stats import CONFIDENCE, mean
+from openeureka.stats import CONFIDENCE, defined, mean
 from openeureka.types import RewardProgram, lane_id
 
 REPLIES = FOLDER / "prompts"

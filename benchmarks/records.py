@@ -6,7 +6,7 @@ import argparse
 import json
 import os
 import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -130,11 +130,6 @@ def told(found: Difference | Estimate | None, digits: int = 4) -> str:
 def ends(found: Difference | None) -> list[float] | None:
     """A difference and the ends of its interval, for a record."""
     return None if found is None else [found.value, found.low, found.high]
-
-
-def defined(scores: Iterable[float | None]) -> list[float]:
-    """The scores that there are."""
-    return [score for score in scores if score is not None]
 
 
 def reward_and_seed(lane: str) -> tuple[str, int]:

@@ -62,7 +62,6 @@ class Pool(NamedTuple):
     """Rewards of a task that trained alike, and what each would have paid in the recorded episodes."""
 
     scores: Mapping[CandidateId, Scores]
-    graphs: Mapping[CandidateId, RewardGraph]
     episodes: Mapping[str, Episodes]
     """By lane; those of the baselines as well."""
     paid: Mapping[CandidateId, Mapping[str, Sequence[float]]]
@@ -127,21 +126,24 @@ def trained(env: str) -> Pool:
     config = RunConfig(env=env, model="replay", steps=choosing.STEPS[env], seed=0, screen=WRITTEN // TRAINED)
     with comparing(config, OUTPUTS / "screening" / env, Script()) as lanes:
         own = graphs(env, lanes)
-        ids = [*lanes.train([*deal(own.items(), [0], "candidate"), *deal(trained_baselines(config), [0], "baseline")])]
-        played = lanes.play(ids) and lanes.first_looks(ids)
-        held_out = lanes.evaluate(lanes.counted_peaks(ids))
+        wanted = deal(own.items(), [0], "candidate") + deal(trained_baselines(config), [0], "baseline")
+        ids = list(lanes.train(wanted))
+        lanes.play(ids)
+        played, held_out = lanes.first_looks(ids), lanes.evaluate(lanes.counted_peaks(ids))
         scores: dict[CandidateId, Scores] = {}
         for name in own:
-            first, later = (by[lane].fitness if (lane := lane_id(name, 0)) in by else None for by in (played, held_out))
-            if first is not None and later is not None:
-                scores[name] = Scores(first, later)
+            lane = lane_id(name, 0)
+            if lane in played and lane in held_out:
+                first, later = played[lane].fitness, held_out[lane].fitness
+                if first is not None and later is not None:
+                    scores[name] = Scores(first, later)
         episodes = {lane: found for lane in ids if (found := lanes.store.lanes.episodes(lane)) is not None}
         paid = {name: dict[str, Sequence[float]]() for name in own}
         for lane, one in episodes.items():
             for name, values in lanes.trainer.rewards(env, own, [one]).items():
                 paid[name][lane] = values
         lanes.store.end()
-        return Pool(scores, own, episodes, paid)
+        return Pool(scores, episodes, paid)
 
 
 def searched(pool: Pool, names: Sequence[CandidateId]) -> Drawn:

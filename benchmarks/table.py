@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from records import FOLDER, ROOT, Record, defined, interval, results
+from records import FOLDER, ROOT, Record, interval, results
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
 from openeureka.numbers import number, spread
 from openeureka.score import clipped, learnt, plainly_normalised, rank
-from openeureka.stats import difference, mean, two_valued
+from openeureka.stats import defined, difference, mean, two_valued
 
 PLAN = FOLDER / "plans" / "headline.yaml"
 ARCHIVE = FOLDER / "headline"
@@ -202,21 +202,31 @@ def data(measured: Mapping[str, Record]) -> list[list[str]]:
 def _data(name: str, row: Record) -> Iterator[list[str]]:
     crowned, steps, drawn, untrained = row["crowned"], row["steps"], range(row["seed"], sys.maxsize), beginners(row)
     raced = drawn[1:]  # the seed of the search chose among the generated rewards
-    groups = [
-        (steps, "race", "no", "generated", crowned, raced, row["generated"]),
-        *((steps, "race", "no", "runner-up", place, raced, scores) for place, scores in row["runners_up"].items()),
-        *((steps, "race", "no", reward, "", drawn, row[reward]) for reward in ("human", "sparse")),
-    ]
-    for again in looks(row):
-        trained, noise, seeds = again.get("steps", steps), "yes" if again.get("noisy") else "no", again["seeds"]
-        groups.append((trained, "other", noise, "generated", crowned, seeds, again["generated"]))
-        groups.append((trained, "other", noise, "human", "", seeds, again["human"]))
-    if untrained:
-        noise, seeds = "yes" if noisy(row) else "no", row["untrained"]["seeds"]
-        groups.append((0, "none", noise, "untrained", "", seeds, untrained))
-    for trained, *kind, seeds, scores in groups:
+
+    def lines(
+        steps: int,
+        kind: str,
+        noise: bool,
+        reward: str,
+        place: str,
+        seeds: Sequence[int],
+        scores: Sequence[float | None],
+    ) -> Iterator[list[str]]:
         for seed, score in zip(seeds, scores, strict=False):
-            yield [name, str(trained), *kind, str(seed), "" if score is None else repr(score)]
+            told = "" if score is None else repr(score)
+            yield [name, str(steps), kind, "yes" if noise else "no", reward, place, str(seed), told]
+
+    yield from lines(steps, "race", False, "generated", crowned, raced, row["generated"])
+    for place, scores in row["runners_up"].items():
+        yield from lines(steps, "race", False, "runner-up", place, raced, scores)
+    for reward in ("human", "sparse"):
+        yield from lines(steps, "race", False, reward, "", drawn, row[reward])
+    for again in looks(row):
+        trained, noise = again.get("steps", steps), bool(again.get("noisy"))
+        yield from lines(trained, "other", noise, "generated", crowned, again["seeds"], again["generated"])
+        yield from lines(trained, "other", noise, "human", "", again["seeds"], again["human"])
+    if untrained:
+        yield from lines(0, "none", noisy(row), "untrained", "", row["untrained"]["seeds"], untrained)
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:

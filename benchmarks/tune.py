@@ -20,7 +20,7 @@ from pathlib import Path
 from random import Random
 
 import fresh
-from records import OUTPUTS, Record, amount, command_line, defined, ends, interval, keep, machine, once, read, results
+from records import OUTPUTS, Record, amount, command_line, ends, interval, keep, machine, once, read, results
 from table import PLAN
 from table import RESULTS as HEADLINE
 
@@ -31,7 +31,7 @@ from openeureka.numbers import spread
 from openeureka.parsing import short_path
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.reward.weights import weighed, weights
-from openeureka.stats import difference, mean
+from openeureka.stats import defined, difference, mean
 from openeureka.store import is_run
 from openeureka.tasks import human
 from openeureka.tasks.registry import get

@@ -18,11 +18,11 @@ from random import Random
 from statistics import stdev, variance
 
 import table
-from records import Record, command_line, defined, read, results, today, write
+from records import Record, command_line, read, results, today, write
 
 from openeureka import stats
 from openeureka.method import race
-from openeureka.stats import Difference
+from openeureka.stats import Difference, defined
 
 RESULTS = results("verdicts")
 RACES = 2500

@@ -23,7 +23,6 @@ def pool() -> Pool:
 
     return Pool(
         scores={name: Scores(float(name in GOOD), float(name in GOOD)) for name in names},
-        graphs={},
         episodes=episodes,
         paid={name: dict.fromkeys(lanes, paid(name, number)) for number, name in enumerate(names)},
     )
