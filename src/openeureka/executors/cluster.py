@@ -127,7 +127,7 @@ def _open(where: str) -> ConfigError:
     )
 
 
-def living(ray: Any, without: Collection[str] = ()) -> list[Resources]:
+def living(ray: Any, without: Collection[str]) -> list[Resources]:
     """What each living node offers, except for the nodes of these ids."""
     return [Resources.of(node) for node in ray.nodes() if node["Alive"] and node["NodeID"] not in without]
 

@@ -50,7 +50,7 @@ def swept(quantity: str, value: float) -> str:
     return f"{SWEEP} {quantity}={value:g}"
 
 
-def in_world(world: str, choosing: Peak | None = None) -> str:
+def in_world(world: str, choosing: Peak | None) -> str:
     """Name of a tryout in one of `HARD` or in the task's own world: to judge, or to choose a lane's policy by peak."""
     return f"hard {world}" if choosing is None else f"choose {choosing} hard {world}"
 

@@ -109,7 +109,7 @@ def done(directory: Path, on_event: Tell | None, work: Work, *, own: bool = Fals
     return Run(directory)
 
 
-def followed(work: Work, *, own: bool = False) -> Generator[Event]:
+def followed(work: Work, *, own: bool) -> Generator[Event]:
     """The events of a run that works in a separate thread."""
     told: SimpleQueue[Event | None] = SimpleQueue()
     leaving = threading.Event()

@@ -136,7 +136,7 @@ def _same(before: str, now: str) -> bool:
         return before == now
 
 
-def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] = ()) -> Interface:
+def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int]) -> Interface:
     """What a policy's file says besides its network, for a task with a `deployment`.
 
     Args:
