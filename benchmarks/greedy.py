@@ -53,7 +53,7 @@ def choices(run: RunView) -> tuple[Scored, Scored]:
 
 def named(env: str) -> Record:
     """Both choices of a row by their places."""
-    own, other = choices(headline.archive(env))
+    own, other = choices(headline.archived_run(env))
     return {"best": str(own.sample.place), "eureka": str(other.sample.place)}
 
 
@@ -64,7 +64,7 @@ def waits(row: Record) -> bool:
 
 def measure(env: str) -> Record:
     """What both choices of a row are worth, where they differ."""
-    run = headline.archive(env)
+    run = headline.archived_run(env)
     own, other = choices(run)
     known = read(table.RESULTS)[env].get("confirmed", {})
     again = len(known.get("seeds", ())) == SEEDS and known.get("noisy", False) == fresh.noisy(env)

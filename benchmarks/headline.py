@@ -70,7 +70,7 @@ def repeat(whole: Plan, env: str) -> str:
     row = read(table.RESULTS)[env]
     if not fresh.noisy(env):
         return compared(env, row, search(whole, env, AGAIN / env)[1])
-    known, run = row.get("confirmed") or {}, archive(env)
+    known, run = row.get("confirmed") or {}, archived_run(env)
     if not known.get("noisy"):
         raise SystemExit(
             f"{env}: this row can't be repeated. Its policies played without noise, and today they play with noise. "
@@ -96,15 +96,15 @@ def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
     return store, outcome(store.parent, cell, found[-1])
 
 
-def put_away(store: Path, archive: Path, env: str) -> None:
+def put_away(store: Path, folder: Path, env: str) -> None:
     """Keep the store of a search, packed, in a folder of the repository."""
-    archive.mkdir(exist_ok=True)
-    (archive / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
+    folder.mkdir(exist_ok=True)
+    (folder / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
 
 
 def publish(env: str) -> None:
     """Write the winner of an archived search as a file, to read and to train."""
-    best = archive(env).best
+    best = archived_run(env).best
     assert best is not None
     table.REWARDS.mkdir(exist_ok=True)
     table.reward_file(env).write_text(best.program.source)
@@ -123,13 +123,13 @@ def portable(store: Path) -> bytes:
         return Path(copy).read_bytes()
 
 
-def confirm(env: str, count: int, steps: int = 0) -> Record:
+def train_other_seeds(env: str, count: int, steps: int = 0) -> Record:
     """Train the row's reward and the human one with seeds that chose neither. What `greedy.py` trained is reused.
 
     Args:
         steps: of each training; 0 means those of the row.
     """
-    run, known = archive(env), read(GREEDY).get(env, {})
+    run, known = archived_run(env), read(GREEDY).get(env, {})
     assert run.best is not None
     longer = {"steps": steps} if steps not in (0, run.config.steps) else {}
     same = known.get("best") == str(run.best.place) and known.get("noisy", False) == fresh.noisy(env)
@@ -138,10 +138,10 @@ def confirm(env: str, count: int, steps: int = 0) -> Record:
     directory = CONFIRMED / (f"{env}_{steps}" if longer else env)
     trained = fresh.trained(replace(run.config, **longer), rewards, directory, count)
     human, generated = (*trained.scores, known["own"]) if again else trained.scores
-    return longer | look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
+    return longer | confirmation(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
 
 
-def confirmed(env: str, count: int, steps: int = 0) -> str:
+def confirm(env: str, count: int, steps: int = 0) -> str:
     """What other seeds say of a row. They are trained where there are none, or where theirs lack the task's noise or
     some of the steps. Shorter trainings stay in the row, and decide it no more.
     """
@@ -150,22 +150,22 @@ def confirmed(env: str, count: int, steps: int = 0) -> str:
     played = known is not None and (known.get("noisy", False) or not fresh.noisy(env))
     if known is None or not played or steps > known.get("steps", row["steps"]):
         earlier = {"shorter": [*row.get("shorter", ()), known]} if played else {}
-        known = confirm(env, count, steps)
+        known = train_other_seeds(env, count, steps)
         keep(table.RESULTS, env, row | earlier | {"confirmed": known})
     return f"{short_name(env)}, known with {len(known['seeds'])} seeds: {interval(*known['difference'], digits=3)}"
 
 
-def look(trained: fresh.Trained, human: Sequence[float], generated: Sequence[float]) -> Record:
+def confirmation(trained: fresh.Trained, human: Sequence[float], generated: Sequence[float]) -> Record:
     """What trainings with other seeds say of a row."""
     scores = {"generated": generated, "human": human, "difference": fresh.between(human, generated)}
     return {"seeds": trained.seeds, **scores, **({"noisy": True} if trained.noisy else {}), **machine("cpu")}
 
 
-def archive(env: str, archive: Path = table.ARCHIVE) -> RunView:
+def archived_run(env: str, folder: Path = table.ARCHIVE) -> RunView:
     """The search of a row."""
-    with TemporaryDirectory() as folder:
-        (Path(folder) / FILENAME).write_bytes(lzma.decompress((archive / f"{env}.sqlite.xz").read_bytes()))
-        return RunView.read(Path(folder))
+    with TemporaryDirectory() as directory:
+        (Path(directory) / FILENAME).write_bytes(lzma.decompress((folder / f"{env}.sqlite.xz").read_bytes()))
+        return RunView.read(Path(directory))
 
 
 def outcome(directory: Path, cell: Cell, whole: bench.Bench) -> Record:
@@ -235,7 +235,7 @@ if __name__ == "__main__":
         if unknown := [env for env in options.env or () if env not in read(table.RESULTS)]:
             parser.error(f"{unknown[0]} has no row yet: without --confirm it is measured.")
         for env in options.env or read(table.RESULTS):
-            print(confirmed(env, options.confirm, options.steps), flush=True)
+            print(confirm(env, options.confirm, options.steps), flush=True)
         print(table.summary(read(table.RESULTS)))
     else:
         for env in options.env or whole.tasks:

@@ -41,11 +41,11 @@ def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
     store, row = headline.search(whole, env, OUTPUTS / archive.name / env)
     headline.put_away(store, archive, env)
-    run = headline.archive(env, archive)
+    run = headline.archived_run(env, archive)
     assert run.best is not None
     rewards = ["human", run.best.program.source]
     trained = fresh.trained(run.config, rewards, OUTPUTS / f"{archive.name}_confirmed" / env, SEEDS)
-    return row | {"confirmed": headline.look(trained, *trained.scores)}
+    return row | {"confirmed": headline.confirmation(trained, *trained.scores)}
 
 
 def left(measured: Mapping[str, Record], plan: Path = PLAN) -> list[str]:

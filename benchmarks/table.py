@@ -45,7 +45,7 @@ def decided(row: Record) -> Record:
     return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
 
 
-def looks(row: Record) -> list[Record]:
+def confirmations(row: Record) -> list[Record]:
     """What seeds that chose nothing say of the row: shorter trainings first, those that decide it last."""
     return [*row.get("shorter", ()), row["confirmed"]] if row.get("confirmed") else []
 
@@ -108,7 +108,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     """
     found: list[list[str]] = []
     for env, row in ordered(measured):
-        name, untrained, others = short_name(env), beginners(row), looks(row)
+        name, untrained, others = short_name(env), beginners(row), confirmations(row)
         first = (
             f"[{name}](../../{reward_file(env).relative_to(ROOT)})",
             f"{row['steps']:,}",
@@ -221,7 +221,7 @@ def _data(name: str, row: Record) -> Iterator[list[str]]:
         yield from lines(steps, "race", False, "runner-up", place, raced, scores)
     for reward in ("human", "sparse"):
         yield from lines(steps, "race", False, reward, "", drawn, row[reward])
-    for again in looks(row):
+    for again in confirmations(row):
         trained, noise = again.get("steps", steps), bool(again.get("noisy"))
         yield from lines(trained, "other", noise, "generated", crowned, again["seeds"], again["generated"])
         yield from lines(trained, "other", noise, "human", "", again["seeds"], again["human"])
@@ -231,15 +231,15 @@ def _data(name: str, row: Record) -> Iterator[list[str]]:
 
 def measured_on(measured: Mapping[str, Record]) -> str:
     """When the rows were measured, and on what: trainings repeat to the bit only on the same kind of processor."""
-    every = [look for row in measured.values() for look in (row, *looks(row))]
-    dates = sorted(look["date"] for look in every)
+    every = [each for row in measured.values() for each in (row, *confirmations(row))]
+    dates = sorted(each["date"] for each in every)
     kinds = Counter(map(_processor, every))
     each = "".join(f"\n- {kind}: {count}" for kind, count in kinds.most_common())
     when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
     return f"{when} Rows by processor, other seeds a row of their own:\n{each}"
 
 
-def _processor(look: Record) -> str:
-    human = look.get("processor", "a processor that nobody wrote down")
-    generated = look.get("generated_on", human)
+def _processor(row: Record) -> str:
+    human = row.get("processor", "a processor that nobody wrote down")
+    generated = row.get("generated_on", human)
     return human if generated == human else f"{generated} for the generated reward, {human} for the human one"

@@ -30,4 +30,4 @@ def rows(env: str, run: RunView) -> Iterator[Sequence[str]]:
 
 if __name__ == "__main__":
     kept = (file.name.partition(".")[0] for file in sorted(longer.ARCHIVE.glob("*.xz")))
-    print(columns([TITLES, *(row for env in kept for row in rows(env, headline.archive(env, longer.ARCHIVE)))]))
+    print(columns([TITLES, *(row for env in kept for row in rows(env, headline.archived_run(env, longer.ARCHIVE)))]))

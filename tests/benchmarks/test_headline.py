@@ -156,15 +156,15 @@ def test_a_row_that_is_known_trains_again_only_for_more_steps(monkeypatch: pytes
     again = {"seeds": [4, 5], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
     results, asked = tmp_path / "headline.json", list[int]()
 
-    def confirm(env: str, count: int, steps: int) -> dict[str, object]:
+    def train_other_seeds(env: str, count: int, steps: int) -> dict[str, object]:
         asked.append(steps)
         return again | {"steps": steps}
 
     monkeypatch.setattr(table, "RESULTS", results)
-    monkeypatch.setattr(headline, "confirm", confirm)
+    monkeypatch.setattr(headline, "train_other_seeds", train_other_seeds)
     write(results, {"cartpole": row([1.0], [1.0], None) | {"confirmed": again}})
     for steps in (0, 1000, 3000, 0, 2000, 9000):
-        headline.confirmed("cartpole", 2, steps)
+        headline.confirm("cartpole", 2, steps)
     known = read(results)["cartpole"]
     assert asked == [3000, 9000] and known["confirmed"]["steps"] == 9000
     assert known["shorter"] == [again, again | {"steps": 3000}], "what was measured is kept"
@@ -205,18 +205,18 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(monkeypatch: py
         "trained",
         lambda config, *rest: held(replace(config, steps=20_000, worlds=32), *rest),
     )
-    again = headline.confirm("cartpole", 2)
+    again = headline.train_other_seeds("cartpole", 2)
     assert again["seeds"] == [4, 5], "the search trained with 0, its final trainings with 1 to 3"
     assert "steps" not in again, "those of the row"
     assert len(again["generated"]) == len(again["human"]) == 2 and again["difference"]
     assert (tmp_path / "cartpole").is_dir()
-    assert "noisy" not in again and "noisy" in headline.look(
+    assert "noisy" not in again and "noisy" in headline.confirmation(
         headline.fresh.Trained([1, 2], [], noisy=True), [1, 2], [3, 4]
     )
 
 
 def test_a_training_without_a_score_is_told_and_not_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    run = headline.archive("cartpole")
+    run = headline.archived_run("cartpole")
     given = {"human": SeedScores(held_out=(1.0, 2.0)), "mine": SeedScores(held_out=(3.0, None))}
     view = SimpleNamespace(config=run.config, directory=tmp_path, view=SimpleNamespace(given=given))
     monkeypatch.setattr(headline.fresh.openeureka, "train", lambda *_, **__: view)
@@ -261,7 +261,7 @@ def test_the_figure_shows_what_is_decided_beyond_one():
 def test_eureka_s_rule_looks_at_training_alone():
     import greedy  # pyright: ignore[reportMissingImports]
 
-    run = headline.archive("ballbalance")
+    run = headline.archived_run("ballbalance")
     entries = run.history.entries
     first = max(entries, key=lambda entry: entry.result.fitness if entry.result else -1e9)
     assert greedy.greedy(run.history) == replace(first, played=None) and first.sample.place != run.crown
@@ -279,7 +279,7 @@ def test_eureka_s_rule_looks_at_training_alone():
 
 def test_an_archived_run_names_its_replies_as_any_clone_has_them():
     for path in table.ARCHIVE.glob("*.sqlite.xz"):
-        replies = Path(headline.archive(path.name.removesuffix(".sqlite.xz")).config.model.removeprefix("replay:"))
+        replies = Path(headline.archived_run(path.name.removesuffix(".sqlite.xz")).config.model.removeprefix("replay:"))
         assert not replies.is_absolute() and (headline.ROOT / replies).is_file(), path.name
 
 

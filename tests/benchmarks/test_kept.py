@@ -119,7 +119,7 @@ def test_what_is_known_is_said_with_what_it_was_measured(monkeypatch: pytest.Mon
     assert "gym:CartPole-v1 is known with 3 seeds" in capsys.readouterr().out
     called(monkeypatch, measurable, "--env", "anymal", "--steps", "1e4")
     assert "anymal is known with 2,000,000 steps" in capsys.readouterr().out
-    assert headline.confirmed("ballbalance", 12).startswith("ballbalance, known with 9 seeds: 116 (")
+    assert headline.confirm("ballbalance", 12).startswith("ballbalance, known with 9 seeds: 116 (")
 
 
 def test_more_seeds_are_asked_of_what_is_known(monkeypatch: pytest.MonkeyPatch, capsys):

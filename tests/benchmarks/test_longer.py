@@ -38,7 +38,7 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(monkeypatch: pyte
         longer.headline, "search", lambda *_: (tmp_path / "store", {"generated": [9.0], "steps": 1, "crowned": "g1s0"})
     )
     monkeypatch.setattr(longer.headline, "put_away", lambda *_: None)
-    monkeypatch.setattr(longer.headline, "archive", lambda *_: run)
+    monkeypatch.setattr(longer.headline, "archived_run", lambda *_: run)
     monkeypatch.setattr(longer.fresh, "trained", trained)
     row = longer.measure(load(longer.PLAN), "ant")
     assert asked == [["human", "mine"], "ant", 9]
