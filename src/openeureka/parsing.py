@@ -170,7 +170,9 @@ def _expect_known(key: str, hints: Mapping[str, type]) -> None:
     known = [*hints, *([_PYTHON] if "env" in hints else [])]
     if key == _PYTHON and _PYTHON in known:
         raise ConfigError("`python=` names the Python in which the environment is installed; add env=.")
-    raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), known)} Settings: {', '.join(known)}.")
+    meant = nearest(key.lower(), known)
+    others = " `--help` lists all settings." if meant else f" Settings: {', '.join(known)}."
+    raise ConfigError(f"Unknown setting `{key}`.{meant}{others}")
 
 
 def _unfit(key: str, value: object, kind: type) -> ConfigError:
@@ -262,6 +264,6 @@ def read_yaml(path: Path, kind: str, loader: type[SafeLoader] | None = None) -> 
     try:
         return yaml.load(path.read_text(encoding="utf-8"), Loader=loader or yaml.SafeLoader)
     except OSError as error:
-        raise ConfigError(f"Cannot read the {kind} {path}: {error.strerror}.") from None
+        raise ConfigError(f"Cannot read the {kind} {path}: {error.strerror}; check its path and permissions.") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The {kind} {path} is not YAML: {' '.join(str(error).split())}.") from None

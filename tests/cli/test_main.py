@@ -61,8 +61,9 @@ def test_help_and_a_typing_error_import_nothing_slow():
         (("context", "enf=cartpole"), "Unknown setting `enf`. Did you mean `env`?"),
         (
             ("run", "env=dmc:cheetah-run", "pyhton=/x"),
-            "Unknown setting `pyhton`. Did you mean `python`? Settings: env, ",
+            "Unknown setting `pyhton`. Did you mean `python`? `--help` lists all settings.",
         ),
+        (("play", "zzz=1"), "Unknown setting `zzz`. Settings: env, "),
         (("run", "python=/x"), "`python=` names the Python in which the environment is installed; add env=."),
         (("play", "env=cartpole", "policy=absent.safetensors"), "Cannot read the policy absent.safetensors"),
         (("play", "env=cartpole", "seconds=0"), "`seconds` must be above 0"),

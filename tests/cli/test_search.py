@@ -552,7 +552,7 @@ def test_a_run_that_may_not_be_written_is_refused_before_anything_is_told(comman
     capsys.readouterr()
     parts.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
     assert run(command, f"{tmp_path}/run") == 5
-    sentence = f"{tmp_path}/run cannot be written; check its permissions, work on a copy or choose another dir=.\n"
+    sentence = f"{tmp_path}/run cannot be written; check its permissions, work on a copy or choose another folder.\n"
     assert tuple(capsys.readouterr()) == ("", sentence)
 
 

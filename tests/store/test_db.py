@@ -203,7 +203,7 @@ def test_a_row_that_no_run_writes_is_not_read(database: Database, table: str, ro
     ("error", "advice"),
     [
         (OSError(errno.ENOSPC, "No space left on device"), "free some space"),
-        (OSError(errno.EROFS, "Read-only file system"), "choose another dir="),
+        (OSError(errno.EROFS, "Read-only file system"), "choose another folder"),
         (sqlite3.OperationalError("database or disk is full"), "free some space"),
         (PermissionError(errno.EACCES, "Permission denied"), "check its permissions"),
         (sqlite3.OperationalError("attempt to write a readonly database"), "check its permissions"),

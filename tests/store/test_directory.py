@@ -94,7 +94,7 @@ def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch)
 
     monkeypatch.setattr(fcntl, "flock", missing)
     with pytest.raises(
-        StoreError, match=r"The file system of .*run has no file locks, which a run needs; choose another dir="
+        StoreError, match=r"The file system of .*run has no file locks, which a run needs; choose another folder"
     ):
         Store.open(tmp_path / "run", RunConfig(env="toy"))
     monkeypatch.undo()

@@ -320,6 +320,9 @@ def test_lanes_that_trained_as_one_are_kept_together(store: Store) -> None:
 def test_what_is_no_run_says_what_is_there(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="is not a run: there is no such directory"):
         Store.view(tmp_path / "absent")
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="is not a run: it is a file; name the directory that `eureka run` printed"):
+        Store.view(tmp_path / "file")
     Store.open(tmp_path / "outputs" / "mine", RunConfig()).close()
     with pytest.raises(StoreError, match="is not a run: it holds runs; name one, such as .*mine"):
         Store.view(tmp_path / "outputs")

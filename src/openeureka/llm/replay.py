@@ -85,7 +85,7 @@ def archived(path: Path) -> list[Reply]:
     try:
         found = decode(_Archive, path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise ConfigError(f"Cannot read the replies in {path}: {error.strerror}.") from None
+        raise ConfigError(f"Cannot read the replies in {path}: {error.strerror}; check its path.") from None
     except ValueError:
         raise ConfigError(
             f'{path} is not a file of replies: it must hold {{"model": NAME, "replies": [TEXT, ...]}}.'

@@ -109,13 +109,13 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if number in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in text:
         return f"The disk that holds {directory} is full; free some space and continue."
     if number in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
-        return f"The file system of {directory} has no file locks, which a run needs; choose another dir=."
+        return f"The file system of {directory} has no file locks, which a run needs; choose another folder."
     if isinstance(error, PermissionError) or number == errno.EROFS or "readonly" in text or "unable to open" in text:
-        return f"{directory} cannot be written; check its permissions, work on a copy or choose another dir=."
+        return f"{directory} cannot be written; check its permissions, work on a copy or choose another folder."
     if "not a database" in text or "malformed" in text:
-        return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
+        return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another folder."
     if isinstance(error, sqlite3.DataError):
-        return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
+        return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another folder."
     if "is locked" in text:
         return f"Another program is writing to {directory / FILENAME}; close it and try again."
     if number == errno.EFBIG or "disk I/O error" in text:  # the latter is all that SQLite says of a quota
@@ -154,7 +154,7 @@ def _expect_files(path: Path) -> None:
     """Refuse links, which SQLite follows, and whatever else is not a regular file."""
     for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
         if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
-            raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it, or choose another dir=.")
+            raise StoreError(f"{short_path(file)} is a link or not a regular file; delete it or choose another folder.")
 
 
 def _expect_allowed(path: Path, writable: bool) -> None:
@@ -223,7 +223,7 @@ def never_began(directory: Path) -> NotBegun:
 def changed_row(directory: Path, why: object) -> StoreError:
     """The error for a row that no run has written."""
     what = f"{short_path(directory / FILENAME)} holds a row that was changed ({why!s:.80})"
-    return StoreError(f"{what}; restore the file from a copy or choose another dir=.")
+    return StoreError(f"{what}; restore the file from a copy or choose another folder.")
 
 
 class Database:
@@ -264,7 +264,7 @@ class Database:
         if schema < 0 or objects != _layout(tuple(MIGRATIONS[n] for n in MIGRATIONS if n <= schema))[0]:
             raise StoreError(
                 f"{short_path(self.directory / FILENAME)} has other tables than openeureka makes, so nothing in it "
-                "is used; restore it from a copy or choose another dir=."
+                "is used; restore it from a copy or choose another folder."
             )
         if not writable:
             if schema == 0:

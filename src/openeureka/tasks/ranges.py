@@ -86,7 +86,7 @@ def find(env: str, randomise: str) -> Ranges | None:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}.") from None
+        raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}; check its path and permissions.") from None
     except UnicodeDecodeError:
         raise ConfigError(f"The ranges {path} are not YAML: the file is not text in UTF-8.") from None
     return written(task, model, text, str(path))
