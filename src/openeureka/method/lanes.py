@@ -109,7 +109,18 @@ class Lanes:
             failed: list[TrainingResult] = []
             hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
             for group in _alike(due):
-                self._train_together(group, budget, hear)
+                # No method of its own: few calls of ours may lie between a command and a step of physics.
+                events = self.trainer.train(self.config.env, group, budget)
+                event: TrainingEvent | None = None
+                try:
+                    for event in events:
+                        hear(event)
+                except KeyboardInterrupt as stop:
+                    self._hear_out(events, event, hear, stop)
+                    raise
+                finally:
+                    if isinstance(events, Generator):
+                        events.close()  # else whoever keeps the error would keep this, and its workers, at work
             # If all of these rewards are generated, the trainer itself has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -121,22 +132,6 @@ class Lanes:
                 self._keep(result, sharing[result.lane])
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
-
-    def _train_together(
-        self, specs: Sequence[LaneSpec], budget: TrainBudget, hear: Callable[[TrainingEvent], None]
-    ) -> None:
-        """Train lanes side by side and `hear` every event, also those that had arrived when Ctrl-C came."""
-        events = self.trainer.train(self.config.env, specs, budget)
-        event: TrainingEvent | None = None
-        try:
-            for event in events:
-                hear(event)
-        except KeyboardInterrupt as stop:
-            self._hear_out(events, event, hear, stop)
-            raise
-        finally:
-            if isinstance(events, Generator):
-                events.close()  # else whoever keeps the error would keep this, and its workers, at work
 
     def _trained(self, lanes: Iterable[Lane]) -> bool:
         """Whether any of these lanes could be trained, perhaps before the run was stopped: the machine can train."""
