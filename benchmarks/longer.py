@@ -12,7 +12,7 @@ nine seeds that chose neither. Runs are under `outputs/longer/`; the store of ea
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -86,7 +86,13 @@ def reached(measured: Mapping[str, Record]) -> str:
     return f"{told}; on {idle} more neither is shown to do better than no training." if idle else f"{told}."
 
 
-def run(doc: str | None, plan: Path, archive: Path, found: Path) -> None:
+def run(
+    doc: str | None,
+    plan: Path,
+    archive: Path,
+    found: Path,
+    measure: Callable[[Plan, str, Path], Record] = measure,
+) -> None:
     """Measure what the command line asks for and `found` lacks."""
     parser = command_line(doc)
     parser.add_argument("--env", nargs="+", choices=load(plan).tasks)

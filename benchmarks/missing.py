@@ -29,6 +29,7 @@ import prompts
 import table
 import tune
 import untrained
+import with_noise
 from records import FOLDER, command_line, read
 
 from openeureka.benchmark.plan import load
@@ -43,6 +44,7 @@ def left() -> Iterator[list[str]]:
     yield from (["untrained.py", "--env", env] for env in untrained.left(known))
     yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
     yield from (["mended.py", "--env", env] for env in mended.left(read(mended.RESULTS)))
+    yield from (["with_noise.py", "--env", env] for env in with_noise.left(read(with_noise.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))
     yield from (["claims.py", "--env", env, "--groups", group] for env, group in claims.left(read(claims.RESULTS)))
     known = read(tune.RESULTS)

@@ -50,6 +50,7 @@ import table
 import throughput
 import tune
 import verdicts
+import with_noise
 import words
 from records import read
 
@@ -121,6 +122,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
             "headline": f"{_summary_of(table)}\n{_rows(table)}\n{table.measured_on(read(table.RESULTS))}\n",
             "longer": f"{_summary_of(longer)}\n{_rows(longer)}",
             "mended": f"{_summary_of(mended)}\n{_rows(mended)}",
+            "with_noise": f"{_summary_of(with_noise)}\n{_rows(with_noise)}",
             "greedy": f"{_summary_of(greedy)}\n{_rows(greedy)}",
             "claims": f"{_rows(claims, claims.answers, claims.ANSWERS)}\n{_rows(claims)}",
             "words": _rows(words),

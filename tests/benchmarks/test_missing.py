@@ -17,11 +17,12 @@ import prompts
 import pytest
 import table
 import tune
+import with_noise
 
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (claims, greedy, longer, measurable, mended, polish, progress, prompts, table, tune):
+    for script in (claims, greedy, longer, measurable, mended, polish, progress, prompts, table, tune, with_noise):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 
@@ -37,9 +38,10 @@ def searches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # measurable.py 3 tasks, headline.py 31, longer.py 6, mended.py 10, claims.py 3 x 5 groups and 4 x 2, tune.py 2 x 2,
-    # polish.py 3, progress.py one per folder of rewards, prompts.py 3 x 2
-    assert len(commands) == 3 + 31 + 6 + 10 + 15 + 8 + 4 + 3 + len(progress.tasks()) + 6
+    # measurable.py 3 tasks, headline.py 31, longer.py 6, mended.py 10, with_noise.py 14,
+    # claims.py 3 x 5 groups and 4 x 2, tune.py 2 x 2, polish.py 3, progress.py one per folder of rewards,
+    # prompts.py 3 x 2
+    assert len(commands) == 3 + 31 + 6 + 10 + 14 + 15 + 8 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 
 
