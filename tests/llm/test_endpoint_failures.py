@@ -317,6 +317,7 @@ TOO_LONG: list[tuple[int, dict | list]] = [
             (422, {"message": {"detail": [{"loc": ["body", "n"], "msg": "not known"}]}}, {}),
             "(Error code: 422 - ['body', 'n']: not known); fix that",
         ),  # Mistral
+        (failure(400, "API key not valid. Please pass a valid API key."), "refused the key; set the environment"),
         (
             failure(400, "Model Not Exist"),
             "has no model `m` for you (Error code: 400 - Model Not Exist); check",

@@ -26,8 +26,11 @@ _REFUSALS = {
     403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
     404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
 }
-_UNKNOWN = re.compile(r"model not exist|not a valid model|invalid model(?: name|:)", re.IGNORECASE)
-"""What DeepSeek, OpenRouter, Mistral and LiteLLM say with 400 in place of 404."""
+_MEANT = {
+    401: re.compile(r"api key not valid", re.IGNORECASE),  # Gemini
+    404: re.compile(r"model not exist|not a valid model|invalid model(?: name|:)", re.IGNORECASE),  # DeepSeek, others
+}
+"""What servers say with 400 in place of these."""
 _TOO_LONG = re.compile(
     r"context[ _](?:length|size|window|limit)|maximum number of tokens|prompt is too long|`inputs` (?:tokens|must)",
     re.IGNORECASE,
@@ -110,7 +113,9 @@ class Words:
         if error.response.is_redirect:
             target = connection.base_of(str(error.request.url), error.response.headers.get("location", ""))
             return ModelError(f"{where} redirects requests to {target}; set base_url= to that address if you trust it.")
-        status = 404 if error.status_code == 400 and _UNKNOWN.search(told) else error.status_code
+        status = error.status_code
+        if status == 400:
+            status = next((meant for meant, words in _MEANT.items() if words.search(told)), status)
         sentence = _REFUSALS.get(status, _OVERFLOWS if _TOO_LONG.search(told) else _REFUSED)
         refused = sentence.format(where=where, model=self.model, said=self._quoted(told))
         return ModelError(refused + self.detour * (error.status_code == 403))  # proxies send it for local addresses
