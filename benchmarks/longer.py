@@ -12,7 +12,7 @@ nine seeds that chose neither. Runs are under `outputs/longer/`; the store of ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +22,7 @@ import table
 from records import FOLDER, OUTPUTS, Record, command_line, interval, once, read, results
 
 from openeureka.benchmark.plan import Plan, load
-from openeureka.config import short_name
+from openeureka.config import RunConfig, short_name
 from openeureka.numbers import spread
 from openeureka.score import rank
 from openeureka.stats import mean
@@ -31,21 +31,38 @@ PLAN = FOLDER / "plans" / "longer.yaml"
 ARCHIVE = FOLDER / "longer"
 RESULTS = results("longer")
 SEEDS = 9
-TITLES = (
-    "task", "one generation, F held out", "human", "three generations", "human",
-    "difference, 95 % interval", "the later one is", "crowned",
-)  # fmt: skip
+
+
+def titles(first: str, later: str) -> tuple[str, ...]:
+    """Of the columns of `rows`, for a search of the table and a later one."""
+    return (
+        "task", f"{first}, F held out", "human", later, "human",
+        "difference, 95 % interval", "the later one is", "crowned",
+    )  # fmt: skip
+
+
+TITLES = titles("one generation", "three generations")
 
 
 def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
+    row, config, own = searched(whole, env, archive)
+    trained = train_again(config, ["human", own], env, archive)
+    return row | {"confirmed": headline.confirmation(trained, *trained.scores)}
+
+
+def searched(whole: Plan, env: str, archive: Path) -> tuple[Record, RunConfig, str]:
+    """What came of a search, whose store is kept; its settings and the program that won."""
     store, row = headline.search(whole, env, OUTPUTS / archive.name / env)
     headline.put_away(store, archive, env)
     run = headline.archived_run(env, archive)
     assert run.best is not None
-    rewards = ["human", run.best.program.source]
-    trained = fresh.trained(run.config, rewards, OUTPUTS / f"{archive.name}_confirmed" / env, SEEDS)
-    return row | {"confirmed": headline.confirmation(trained, *trained.scores)}
+    return row, run.config, run.best.program.source
+
+
+def train_again(config: RunConfig, rewards: Sequence[str], env: str, archive: Path) -> fresh.Trained:
+    """Train rewards with nine seeds that chose none of them."""
+    return fresh.trained(config, rewards, OUTPUTS / f"{archive.name}_confirmed" / env, SEEDS)
 
 
 def left(measured: Mapping[str, Record], plan: Path = PLAN) -> list[str]:

@@ -11,6 +11,7 @@ nine seeds that chose neither. All ten tasks are asked again, however their row 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import longer
 from records import FOLDER, Record, read, results
@@ -18,20 +19,9 @@ from records import FOLDER, Record, read, results
 PLAN = FOLDER / "plans" / "mended.yaml"
 ARCHIVE = FOLDER / "mended"
 RESULTS = results("mended")
-TITLES = (
-    "task", "first prompt, F held out", "human", "mended prompt", "human",
-    "difference, 95 % interval", "the later one is", "crowned",
-)  # fmt: skip
-
-
-def left(measured: Mapping[str, Record]) -> list[str]:
-    """The tasks that are not measured."""
-    return longer.left(measured, PLAN)
-
-
-def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """As `longer.rows`."""
-    return longer.rows(measured, PLAN)
+TITLES = longer.titles("first prompt", "mended prompt")
+left = partial(longer.left, plan=PLAN)
+rows = partial(longer.rows, plan=PLAN)
 
 
 def summary(measured: Mapping[str, Record]) -> str:

@@ -12,56 +12,43 @@ reward has trained with these seeds for the table, unless it played without nois
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
-import fresh
 import headline
 import longer
 import table
-from records import FOLDER, OUTPUTS, Record, read, results
+from records import FOLDER, Record, read, results
 
 from openeureka.benchmark.plan import Plan
 
 PLAN = FOLDER / "plans" / "with_noise.yaml"
 ARCHIVE = FOLDER / "with_noise"
 RESULTS = results("with_noise")
-TITLES = (
-    "task", "searched without noise, F held out", "human", "searched with noise", "human",
-    "difference, 95 % interval", "the later one is", "crowned",
-)  # fmt: skip
+TITLES = longer.titles("searched without noise", "searched with noise")
+left = partial(longer.left, plan=PLAN)
+rows = partial(longer.rows, plan=PLAN)
 
 
 def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
-    store, row = headline.search(whole, env, OUTPUTS / archive.name / env)
-    headline.put_away(store, archive, env)
-    run, known = headline.archived_run(env, archive), played_with_noise(read(table.RESULTS)[env])
-    first = headline.archived_run(env)
-    assert run.best is not None and first.best is not None
-    own = run.best.program.source
-    if known and own == first.best.program.source:
+    row, config, own = longer.searched(whole, env, archive)
+    known, first = played_with_noise(read(table.RESULTS)[env]), headline.archived_run(env).best
+    if known is None:
+        trained = longer.train_again(config, ["human", own], env, archive)
+        return row | {"confirmed": headline.confirmation(trained, *trained.scores)}
+    assert first is not None
+    if own == first.program.source:
         return row | {"confirmed": known}
-    rewards = [own] if known else ["human", own]
-    trained = fresh.trained(run.config, rewards, OUTPUTS / f"{archive.name}_confirmed" / env, longer.SEEDS)
-    human = known["human"] if known else trained.scores[0]
-    human_on = {"human_on": known["processor"]} if known else {}
-    return row | {"confirmed": headline.confirmation(trained, human, trained.scores[-1]) | human_on}
+    trained = longer.train_again(config, [own], env, archive)
+    confirmation = headline.confirmation(trained, known["human"], trained.scores[0])
+    return row | {"confirmed": confirmation | {"human_on": known["processor"]}}
 
 
 def played_with_noise(row: Record) -> Record | None:
     """What other seeds say of a row of the table, for as many steps as its search, if they played with noise."""
     alike = (again for again in table.confirmations(row) if again.get("noisy") and "steps" not in again)
     return next(alike, None)
-
-
-def left(measured: Mapping[str, Record]) -> list[str]:
-    """The tasks that are not measured."""
-    return longer.left(measured, PLAN)
-
-
-def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """As `longer.rows`."""
-    return longer.rows(measured, PLAN)
 
 
 def summary(measured: Mapping[str, Record]) -> str:

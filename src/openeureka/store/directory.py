@@ -15,7 +15,7 @@ from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
 from .db import FILENAME, STOP, at_work, explained
 from .hold import is_held
-from .store import Store, expect_same
+from .store import NAME_IT, Store, expect_same
 
 OUTPUTS = Path("outputs")
 """The folder of new run directories."""
@@ -206,7 +206,7 @@ def ask_to_stop(directory: Path | str) -> None:
     """
     directory = Path(directory)
     if not is_run(directory):
-        raise StoreError(f"{short_path(directory)} is not a run; name the directory that `eureka run` printed.")
+        raise StoreError(f"{short_path(directory)} is not a run; {NAME_IT}.")
     if not is_held(directory):
         raise StoreError(f"{short_path(directory)} is not running, so there is nothing to stop.")
     with explained(directory):

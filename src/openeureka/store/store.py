@@ -45,7 +45,7 @@ from .rows import decode_place, decode_usage, decode_verdict, encode_place
 from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
-_NAME_IT = "name the directory that `eureka run` printed"
+NAME_IT = "name the directory that `eureka run` printed"
 HARDENING = "robust.json"
 """Not in `robust/`, whose files are deleted when another policy takes their place."""
 
@@ -335,10 +335,10 @@ def _restored(text: str) -> RunConfig:
 def _missing(directory: Path) -> str:
     """Why a directory is no run, and what to name instead where that is plain."""
     if not directory.exists():
-        return f"there is no such directory; {_NAME_IT}"
+        return f"there is no such directory; {NAME_IT}"
     if not directory.is_dir():
-        return f"it is a file; {_NAME_IT}"
+        return f"it is a file; {NAME_IT}"
     below = sorted(glob(f"*/{FILENAME}", root_dir=directory))
     if below:
         return f"it holds runs; name one, such as {(directory / below[-1]).parent}"
-    return f"it has no {FILENAME}; {_NAME_IT}"
+    return f"it has no {FILENAME}; {NAME_IT}"
