@@ -304,6 +304,7 @@ def test_a_strangers_package_is_imported_first():
         ("gym:no-such-package:X-v0", "needs the module `no-such-package`: install it, or set PYTHONPATH"),
         ("gym:my_env.py:My-v0", "gym: takes a module, not a file: use gym:my_env:My-v0, and put the file's folder on"),
         ("gym:Pong-v0", "Gymnasium has no `Pong-v0`. If a package registers it"),
+        ("gym:json:X-v0", "Importing `json` does not register it: call what does in a module of your own, and name"),
         ("gym:", "Name an environment of Gymnasium after gym:, for example env=gym:CartPole-v1."),
         ("gym:CartPole-v1+gravity=3", "`CartPole-v1` cannot be made: it takes no `gravity`."),
         (
@@ -361,6 +362,19 @@ def test_an_error_of_gymnasiums_while_it_is_made_is_no_word_on_its_name():
         registry.get("gym:Openeureka/Unready-v0")
 
 
+def test_what_a_constructor_needs_is_named_as_a_setting():
+    class Maze(worlds.Clock):
+        def __init__(self, level, size):
+            super().__init__()
+
+    gymnasium.register("Openeureka/Maze-v0", entry_point=Maze)
+    with pytest.raises(TaskError, match=r"Maze-v0` cannot be made: add \+level=VALUE\+size=VALUE, or register it"):
+        registry.get("gym:Openeureka/Maze-v0")
+    with pytest.raises(TaskError, match=r"Maze-v0` cannot be made: add \+level=VALUE, or register it"):
+        registry.get("gym:Openeureka/Maze-v0+size=1")
+    assert registry.get("gym:Openeureka/Maze-v0+level=1+size=2").num_actions == 5
+
+
 def test_an_environment_that_ends_python_while_it_is_made_is_named_too():
     gymnasium.register("Openeureka/Unmade-v0", entry_point=lambda: sys.exit(0))
     with pytest.raises(TaskError, match=r"`Openeureka/Unmade-v0` cannot be made: .*: sys\.exit\(0\) was called"):
@@ -374,6 +388,8 @@ def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():
         registry.get("gym:Openeureka/Void-v0+cut=1")
     with pytest.raises(TaskError, match=r"Vast-v0` observes a value beyond 3\.4e38, the largest in 32 bits; wrap it"):
         registry.get("gym:Openeureka/Vast-v0")
+    with pytest.raises(TaskError, match=r"Several-v0` pays an array of the shape \(2,\) in a step; wrap it so that it"):
+        registry.get("gym:Openeureka/Several-v0")
 
 
 @pytest.mark.parametrize("shape", [(4, 84, 84), (3, 64, 48), (2, 64, 48, 3), (64, 48)])

@@ -120,7 +120,8 @@ class Traffic(Clock):
 
     def step(self, action):
         *moment, _ = super().step(action)
-        return *moment, dict.fromkeys(("rwd_dense", "speed_bonus", "sparse", "sparseness"), 1.0)
+        told = ("rwd_dense", "speed_bonus", "sparse", "sparseness", "env_complete")
+        return *moment, dict.fromkeys(told, 1.0)
 
     def _seen(self):
         return np.arange(6, dtype=np.float32).reshape(3, 2) + 10 * self.step_count
@@ -130,6 +131,24 @@ class Eye(Clock):
     """Observes a picture."""
 
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
+
+
+class Several(Clock):
+    """Pays two numbers in a step."""
+
+    def step(self, action):
+        seen, paid, *rest = super().step(action)
+        return seen, np.array([paid, -1.0]), *rest
+
+
+class Clear(Clock):
+    """Draws itself in red, with a fourth channel for opacity."""
+
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012  as Gymnasium has it
+    render_mode = "rgb_array"
+
+    def render(self):
+        return np.full((9, 16, 4), (255, 0, 0, 255), np.uint8)
 
 
 class Cells(gymnasium.Env):
@@ -218,7 +237,7 @@ for name, maker in {"Cells": Cells, "Turned": Turned, "Heavy": Heavy, "Stacked":
     gymnasium.register(f"Openeureka/{name}-v0", entry_point=maker, max_episode_steps=20)
 
 
-for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed, Vast, Traffic):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed, Whole, Fixed, Vast, Traffic, Several, Clear):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

@@ -56,6 +56,11 @@ def test_a_film_lasts_as_long_as_what_it_shows_where_a_step_is_longer_than_a_pic
     assert [picture[0, 0, 0] for picture in pictures] == [step for step in range(10) for _ in range(3)]
 
 
+def test_opacity_is_left_out_of_a_picture():
+    picture = next(frames([Screen("gym:Openeureka/Clear-v0", "zero", 0)], 0.1))
+    assert picture.shape == (720, 1280, 3) and (picture == (255, 0, 0)).all()
+
+
 def test_one_without_pictures_says_so():
     with pytest.raises(NothingDrawn, match="does not render pictures"):
         next(frames([Screen("gym:Openeureka/Clock-v0", "zero", 0)], 1.0))

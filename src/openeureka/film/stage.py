@@ -127,6 +127,7 @@ class Screen(Play):
             picture = worlds.picture(0)
             if picture is None:
                 raise NothingDrawn(f"`{self._simulation.task.env}` does not render pictures.")
-            return np.array(ImageOps.pad(Image.fromarray(picture), (width, height), Image.Resampling.NEAREST))
+            drawn = Image.fromarray(picture).convert("RGB")  # some have a fourth channel, for opacity
+            return np.array(ImageOps.pad(drawn, (width, height), Image.Resampling.NEAREST))
 
         yield paint

@@ -24,6 +24,8 @@ _TOLD = ("description", "action space", "observation space", "starting state", *
 _TRUNCATION = re.compile(r"^[^\w\n]*(?:\d+[.)] *)?Truncation\b.*", re.IGNORECASE | re.MULTILINE | re.DOTALL)
 """The last part of a section on how episodes end. The episode length already tells it."""
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal|rwd|bonus|\bsparse\b", re.IGNORECASE)
+_COMPLETE = re.compile(r"(?:^|_)complet", re.IGNORECASE)
+"""In a name, another word for success. In a text, often just an adverb."""
 _GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
 _FIGURE = re.compile(r"```\{figure\}.*?```|!\[[^\]]*\]\([^)]*\)", re.DOTALL)
@@ -170,7 +172,7 @@ def identifiers(texts: Iterable[str]) -> list[str]:
 
 def betrays(name: str) -> bool:
     """Whether a name hints at reward or success."""
-    return bool(_BETRAYS.search(name))
+    return bool(_BETRAYS.search(name) or _COMPLETE.search(name))
 
 
 def use_of(words: str) -> StateUse:

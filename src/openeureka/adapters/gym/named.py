@@ -162,7 +162,7 @@ def _make(name: str, /, **keywords: Any) -> Env[Any, Any]:
         except ModuleNotFoundError as fault:
             raise TaskError(f"`{name}` needs the module `{fault.name}`: {_importable(fault.name or '')}") from None
         except (Exception, SystemExit) as fault:
-            said = _untaken(bare, keywords, fault) or told_where(fault)
+            said = _untaken(bare, keywords, fault) or _ungiven(bare, fault) or told_where(fault)
             raise TaskError(f"The environment `{name}` cannot be made: {said}") from fault
 
 
@@ -196,6 +196,16 @@ def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> st
     return f"it takes no `{name}`.{nearest(name, known)}" if name else ""
 
 
+def _ungiven(bare: str, fault: BaseException) -> str:
+    """Names the settings that the constructor lacks, if that is the fault."""
+    lacks = re.search(r"missing \d+ required [\w-]+ arguments?: (.+?) was raised from", str(fault))
+    names = re.findall(r"'(\w+)'", lacks[1]) if lacks else []
+    if not names or not set(names) <= inspect.signature(_maker(gymnasium.spec(bare))).parameters.keys():
+        return ""
+    settings = "".join(f"+{name}=VALUE" for name in names)
+    return f"add {settings}, or register it in a module of your own where the value is neither number nor text."
+
+
 def _maker(spec: Any) -> Any:
     """The class or function of an environment."""
     entry = spec.entry_point
@@ -209,7 +219,12 @@ def _hints(package: str, bare: str, fault: Exception) -> str:
     near = nearest(same[0] if same else bare, gymnasium.registry)
     if isinstance(fault, error.DeprecatedEnv):
         return f"{near} {_line(fault)}"
-    return near if package else f"{near} If a package registers it, name the package first: gym:PACKAGE:ID."
+    if not package:
+        return f"{near} If a package registers it, name the package first: gym:PACKAGE:ID."
+    return near or (
+        f" Importing `{package}` does not register it: call what does in a module of your own, and name that module "
+        "first: gym:MODULE:ID."
+    )
 
 
 def _line(fault: Exception) -> str:

@@ -61,10 +61,13 @@ def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) 
         wanted: names that F needs.
 
     Raises:
-        TaskError: for spaces that no policy here knows, and for observations that are not finite.
+        TaskError: for spaces that no policy here knows, for observations that are not finite, and for rewards that
+            are arrays.
     """
     seen_as, acting = parts(env.observation_space, name), actions(env.action_space, name)
-    observed, infos = _play(env)
+    observed, infos, paid = _play(env)
+    if shape := next((np.shape(reward) for reward in paid if np.ndim(reward)), ()):
+        raise TaskError(f"`{name}` pays an array of the shape {shape} in a step; wrap it so that it pays one number.")
     values = [part.of(seen) for seen in observed for part in seen_as]
     if not all(np.isfinite(value).all() for value in values):
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
@@ -132,18 +135,19 @@ def _pace(env: Env[Any, Any]) -> float:
     return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
 
 
-def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
-    """Observations and `info` of a few random steps, and `info` of the start of one more episode."""
+def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]], list[Any]]:
+    """Observations, `info` and rewards of a few random steps, and `info` of the start of one more episode."""
     env.action_space.seed(0)
     seen, info = env.reset(seed=0, options={})  # with options, as worlds are reset
-    observed, infos = [seen], [dict(info)]
+    observed, infos, paid = [seen], [dict(info)], []
     for _ in range(_TRIED):
-        seen, _, terminated, truncated, info = env.step(env.action_space.sample())
+        seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
         observed.append(seen)
+        paid.append(reward)
         infos.append(dict(info))
         if terminated or truncated:
             env.reset(seed=0, options={})
-    return observed, [*infos, env.reset(seed=1, options={})[1]]
+    return observed, [*infos, env.reset(seed=1, options={})[1]], paid
 
 
 def _play_on(env: Env[Any, Any], steps: int) -> list[dict[str, Any]]:
