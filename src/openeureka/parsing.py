@@ -97,6 +97,8 @@ def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
     if "env" not in found or _PYTHON not in found:
         return found
     python = str(found.pop(_PYTHON))
+    if not python:
+        return found
     whole = os.path.abspath(os.path.expanduser(python)) if os.sep in python else python
     return found | {"env": f"{found['env']}+python={whole}"}
 

@@ -165,6 +165,7 @@ def test_a_training_goes_on_to_the_bit_where_it_was_saved():
 def test_python_is_a_part_of_the_name_and_its_path_is_made_whole():
     config = parse(RunConfig, ["env=mjlab:Mjlab-Cartpole", "python=~/mjlab/bin/python"])
     assert config.env == f"mjlab:Mjlab-Cartpole+python={Path.home()}/mjlab/bin/python"
+    assert parse(RunConfig, ["env=cartpole", "python="]).env == "cartpole", "as `--help` shows it"
     inside = parse(RunConfig, ["python=python3", "env=python:carts.py:Carts"])
     assert inside.env == f"python:{Path.cwd()}/carts.py:Carts+python=python3"
     assert not registry.installed(inside.env)  # a run from elsewhere asks before it starts that program

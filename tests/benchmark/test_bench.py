@@ -18,7 +18,7 @@ from openeureka.benchmark import bench, figures
 from openeureka.benchmark.plan import Cell
 from openeureka.cli import main as command
 from openeureka.config import RunConfig
-from openeureka.errors import ConfigError, ModelError, StoreError, TaskError
+from openeureka.errors import ConfigError, EurekaError, ModelError, StoreError, TaskError
 from openeureka.ui import folder
 
 from .toys import PLAN, MeteredModel, lines, play
@@ -129,6 +129,25 @@ def test_another_plan_may_have_other_arms_and_changes_no_cell_that_is_there(tmp_
     with pytest.raises(StoreError, match=r"cartpole-full-0 holds .* sample=4 \(was 2\).*delete its folder"):
         openeureka.bench({**PLAN, "arms": changed}, dir=tmp_path / "bench")
     assert lines(meters, "asked") == before, "refused before the first cell ran"
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"search": "bset"}, "There is no search `bset`. Did you mean `best`?"),
+        ({"init": "missing.py"}, "Cannot read the reward file .*missing.py"),
+        ({"limits": "heat=9"}, "`cartpole` has no cost `heat` to limit"),
+        ({"randomise": "soft"}, "There are no ranges `soft`"),
+        ({"curriculum": "soft"}, "`cartpole` has no curriculum `soft`"),
+        ({"executor": "cloud"}, "There is no executor `cloud`"),
+        ({"device": "gpu"}, "There is no device `gpu`"),
+    ],
+)
+def test_an_arm_that_cannot_run_is_refused_before_another_has_trained(tmp_path, meters, settings, says):
+    arms = {**PLAN["arms"], "last": {"model": "strong", **settings}}
+    with pytest.raises(EurekaError, match=says):
+        openeureka.bench({**PLAN, "arms": arms}, dir=tmp_path / "bench")
+    assert not lines(meters, "asked") and not (tmp_path / "bench").exists()
 
 
 def test_a_cell_that_failed_with_a_mistyped_model_begins_anew_without_its_folder(tmp_path, monkeypatch):

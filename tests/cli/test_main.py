@@ -58,6 +58,8 @@ def test_help_and_a_typing_error_import_nothing_slow():
     ("words", "sentence"),
     [
         (("context", "env=cartpol"), "There is no environment `cartpol`. Did you mean `cartpole`?"),
+        (("context", "env=CARTPOLE"), "There is no environment `CARTPOLE`. Did you mean `cartpole`?"),
+        (("ui", "host="), "`host` names no address; leave it out"),
         (("context", "enf=cartpole"), "Unknown setting `enf`. Did you mean `env`?"),
         (
             ("run", "env=dmc:cheetah-run", "pyhton=/x"),

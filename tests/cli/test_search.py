@@ -3,6 +3,7 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,11 +13,13 @@ from hostile_runs import edit
 from toys import ToySandbox
 from toys import eureka as run
 
+import openeureka
 from openeureka import __main__ as door
 from openeureka.cli import remote
+from openeureka.cli import train as commands
 from openeureka.config import RunConfig
 from openeureka.display import log, trackers
-from openeureka.errors import ConfigError, ModelError
+from openeureka.errors import ConfigError, EurekaError, ModelError
 from openeureka.film import video
 from openeureka.llm import open_model
 from openeureka.report.view import VIDEO, RunView
@@ -571,6 +574,23 @@ def test_a_device_that_is_missing_is_said_before_the_task_is_tried(command, part
     parts.setattr(compose, "trainer_of", lambda *_: refuse())
     assert run(command, "env=cartpole", "reward=human", f"dir={tmp_path}/run") == 2
     assert tuple(capsys.readouterr()) == ("", "There is no GPU.\n")
+
+
+@pytest.mark.parametrize("command", ["train", "tune"])
+@pytest.mark.parametrize("from_python", [False, True])
+@pytest.mark.parametrize("setting", ["device=gpu", "executor=cloud", "randomise=soft", "curriculum=soft", "dir=file"])
+def test_a_wrong_setting_is_said_before_a_reward_is_judged(command, from_python, setting, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("openeureka.runs.rewards.judge", lambda *_, **__: pytest.fail("judged"))
+    Path("file").write_text("")
+    Path("mine.py").write_text(program(12.0))
+    key, _, value = setting.partition("=")
+    with pytest.raises(EurekaError, match=value):
+        if from_python:
+            getattr(openeureka, command)("cartpole", "mine.py", **{key: value})
+        else:
+            getattr(commands, command)(["reward=mine.py", setting])
+    assert not Path("outputs").exists()
 
 
 def refuse():

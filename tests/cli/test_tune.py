@@ -240,6 +240,8 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
     bad.write_text("import os\n" + MINE)
     with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
         to_tune(TuneConfig(), str(bad))
+    with pytest.raises(ConfigError, match="`reward` names nothing to tune; write for example reward=human"):
+        to_tune(TuneConfig(), "")
     with pytest.raises(ConfigError, match="sparse reward of a task is not a program"):
         to_tune(TuneConfig(), "sparse")
     with pytest.raises(

@@ -149,6 +149,9 @@ def run(
     _expect_as_begun(directory, configs)
     failures: dict[str, EurekaError] = {}
     results = {cell: _read(cell, directory / cell.name, failures) for cell in configs}
+    for cell, config in configs.items():
+        if results[cell] is None:
+            compose.expect_fit(config, directory / cell.name)
     known = _begun(directory)
     missing = {cell.name: _conditions(config) for cell, config in configs.items() if results[cell] is None}
     begun = {cell.name: known[cell.name] for cell in configs if cell.name in known} | missing

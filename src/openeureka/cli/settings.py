@@ -99,6 +99,8 @@ class PageConfig:
     port: int = 8080
 
     def __post_init__(self) -> None:
+        if not self.host.strip():  # sockets take it for every address of the machine
+            raise ConfigError("`host` names no address; leave it out to serve this machine only.")
         if not 0 <= self.port < 65536:
             raise ConfigError(f"`port` must be between 0 and 65535, not {self.port}.")
 

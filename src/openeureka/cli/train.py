@@ -120,6 +120,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     get(typed.env)
     trust.remember(typed)
     with aside() if as_json else nullcontext():
+        compose.expect_comparable(typed.run_config())
         rewards = named(typed, listed(typed.reward))
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run_config(), directory, rewards)
@@ -170,6 +171,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     get(typed.env)
     trust.remember(typed)
     with aside() if as_json else nullcontext():
+        compose.expect_comparable(typed.run_config())
         reward = to_tune(typed, typed.reward)
         advice = left_out(typed, typed.reward)
         directory = output_directory(typed.dir, typed.env, "tune_")

@@ -22,7 +22,7 @@ from ..method import baselines, given, sampling
 from ..method.given import Given
 from ..method.lanes import Lanes
 from ..method.person import Desk
-from ..parsing import command_line
+from ..parsing import command_line, whole_path
 from ..refine import tuning
 from ..refine.hardened import GRID
 from ..refine.hardening import Robot, harden, planned
@@ -36,7 +36,7 @@ from ..tasks.context import context, informed
 from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
 from ..types import Candidate, Ranks, Trainer, Usage, Verdict
-from . import inputs, trust
+from . import inputs, trainers, trust
 from .stopping import continuable, stoppable, stopped
 from .trainers import expect_storable, trainer_of
 
@@ -152,17 +152,36 @@ def _reported(
         raise Interrupted(f"Stopped; the {done} is done. Write its report with: {command}") from None
 
 
+def expect_fit(config: RunConfig, directory: Path) -> None:
+    """Refuse a search whose settings name what does not exist, or do not fit its task or each other. Starts nothing and
+    opens no model. Raises EurekaError."""
+    _expect_choices(config, directory)
+    trainers.expect_fit(config)
+
+
+def _expect_choices(config: RunConfig, directory: Path) -> None:
+    baselines.chosen(config)  # refuses what was not measured
+    costs.check(config.env, config.cost_limits)
+    if config.init and not has_begun(directory):
+        sampling.init_candidate(config)  # refuses what cannot be read
+    strategies.SEARCHES.find(config.search)
+
+
+def expect_comparable(config: RunConfig) -> None:
+    """Refuse wrong settings of a run of given rewards before these are judged, which takes long. Raises EurekaError."""
+    if config.dir:
+        expect_free(whole_path(config.dir), config)
+    trainers.expect_fit(config)
+
+
 @contextmanager
 def _prepared(
     config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Tell]
 ) -> Iterator[Callable[[], object]]:
     """The search as a function to call while everything that it needs is open."""
     task = context(config.env)
-    baselines.chosen(config)  # refuses what was not measured
-    costs.check(config.env, config.cost_limits)
     begun = has_begun(directory)
-    if config.init and not begun:
-        sampling.init_candidate(config)  # refuses what cannot be read, before a model is opened
+    _expect_choices(config, directory)
     trainer = trainer_of(config, directory)
     with closing(priced(model, config) if model is not None else _model(config, directory)) as model:
         if begun:  # its model may replay its own replies, which do not tell the style of their prompts

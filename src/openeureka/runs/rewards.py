@@ -115,6 +115,8 @@ def left_out(config: TuneConfig, word: str | Path) -> str:
 
 
 def _only(config: TuneConfig, word: str | Path) -> Candidate:
+    if not str(word):
+        raise ConfigError("`reward` names nothing to tune; write for example reward=human.")
     if word == "human":
         way = "name a file: reward=FILE.py, or a run: reward=DIR"
         return Candidate.of(human.program(get(config.env), way))

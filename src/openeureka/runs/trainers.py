@@ -7,6 +7,7 @@ from pathlib import Path
 from ..config import RunConfig
 from ..errors import ConfigError
 from ..executors import EXECUTORS
+from ..executors.local import devices
 from ..store import StageFiles
 from ..tasks import curriculum, ranges
 from ..tasks.registry import get
@@ -21,6 +22,20 @@ MOST_EPOCHS = 100_000
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     """A trainer of the task, or of the stages of a curriculum, which it stores in the directory. Raises ConfigError for
     an executor, a device, a curriculum or ranges that do not exist or do not fit."""
+    stages = expect_fit(config)
+    cluster = {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(  # last: it may start processes
+        config.executor, device=config.device, threads=config.threads, snapshots=directory / "snapshots", **cluster
+    )
+    return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
+
+
+def expect_fit(config: RunConfig) -> tuple[Stage, ...]:
+    """Refuse what `trainer_of` refuses, except what only an executor at work knows; starts nothing.
+
+    Returns:
+        The stages of the curriculum, if there is one.
+    """
     if config.address and config.executor == "local":
         raise ConfigError(
             "`address=` names a Ray cluster; add executor=ray, or write `address=` with nothing after it."
@@ -32,11 +47,10 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"Everything that `{task.env}` observes counts as measurable; leave observe=measurable out.")
     stages = _stages(config) if config.curriculum else ()
-    cluster = {"address": config.address} if config.address else {}
-    trainer: Trainer = EXECUTORS.make(  # last: it may start processes
-        config.executor, device=config.device, threads=config.threads, snapshots=directory / "snapshots", **cluster
-    )
-    return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
+    EXECUTORS.find(config.executor)
+    if config.executor == "local":
+        devices(config.device)
+    return stages
 
 
 def _stages(config: RunConfig) -> tuple[Stage, ...]:
