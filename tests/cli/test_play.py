@@ -114,6 +114,13 @@ def test_what_is_no_run_is_called_so(asked, tmp_path):
 def test_a_name_that_fits_no_file_says_what_does(asked, tmp_path):
     with pytest.raises(ConfigError, match=r"out=.*a\.gif must end in \.mp4"):
         play.play(["env=ant", "policy=zero", f"out={tmp_path}/a.gif"])
+    (tmp_path / "b.mp4").mkdir()
+    with pytest.raises(ConfigError, match=r"out=.*b\.mp4 must end in \.mp4, and be no folder"):
+        play.play(["env=ant", "policy=zero", f"out={tmp_path}/b.mp4"])
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="file is a file, not a folder; name another place"):
+        play.play(["env=ant", "policy=zero", f"out={tmp_path}/file/new/a.mp4"])
+    assert asked == [], "refused before anything is filmed"
     with pytest.raises(ConfigError, match="no policy file sparse; beside= takes human, random, zero"):
         play.play(["env=ant", "policy=zero", "beside=sparse", f"out={tmp_path}/a.mp4"])
 

@@ -75,8 +75,8 @@ def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | st
 def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | None) -> None:
     """Write a video, into the run's directory unless `out=` names another place."""
     target = Path(config.out or f"{short_name(env)}.mp4")
-    if target.suffix != ".mp4":
-        raise ConfigError(f"Videos are MP4 files: out={config.out:.80} must end in .mp4.")
+    if target.suffix != ".mp4" or target.is_dir():
+        raise ConfigError(f"Videos are MP4 files: out={config.out:.80} must end in .mp4, and be no folder.")
     folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
     artifacts.expect_writable(folder)
     beside = _beside(directory, config.beside)

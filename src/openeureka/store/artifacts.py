@@ -155,10 +155,13 @@ def expect_regular(directory: Path, *names: str) -> None:
 
 
 def expect_writable(directory: Path, *names: str) -> None:
-    """Refuse a directory that this user may not write or make, and files there that this user may not write: later, the
-    work would be lost. Raises StoreError."""
+    """Refuse a directory that cannot be made or that this user may not write, and files there that this user may not
+    write: later, the work would be lost. Raises StoreError."""
     with explained(directory):
-        for path in (_present(directory), *filter(os.path.exists, (directory / name for name in names))):
+        place = _present(directory)
+        if not place.is_dir():
+            raise StoreError(f"{short_path(place)} is a file, not a folder; name another place.")
+        for path in (place, *filter(os.path.exists, (directory / name for name in names))):
             if not os.access(path, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
