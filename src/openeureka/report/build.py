@@ -7,12 +7,12 @@ from pathlib import Path
 from ..errors import RewardFileError, TaskError
 from ..film import video
 from ..parsing import command_line
-from ..store import artifacts
+from ..store import artifacts, read_config
 from ..tasks import registry
 from ..tasks.task import Task
 from ..training.policy import Policy
 from . import export, filming, html, tensorboard
-from .view import VIDEO, RunView
+from .view import FOLDERS, VIDEO, RunView
 
 
 def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
@@ -29,14 +29,12 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     Raises:
         StoreError: when the directory holds no run or cannot be written.
     """
-    run = RunView.read(directory)
-    wanted = wanted or run.config.video
-    env = env or (run.config.env if registry.installed(run.config.env) else "")
-    problems = [
-        *(policy_files(directory, folder, wanted, env) for folder in ("best", "polished", "robust")),
-        _candidates(directory, run, wanted, env),
-    ]
-    run = RunView.read(directory)  # now with videos
+    config = read_config(directory)
+    wanted = wanted or config.video
+    env = env or (config.env if registry.installed(config.env) else "")
+    problems = [policy_files(directory, folder, wanted, env) for folder in FOLDERS]
+    problems.append(_lane_videos(directory, wanted, env))
+    run = RunView.read(directory)  # after the videos are made: it says which there are
     for lane, result in run.results.items():
         artifacts.write(directory, f"lanes/{lane}/{tensorboard.EVENTS}", tensorboard.events_of(result))
     artifacts.write(directory, "report.html", html.report(run, directory))
@@ -56,7 +54,7 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
     if data is None:
         return ""
     if not env:
-        return _STRANGE.format(command=command_line("report", directory))
+        return _not_imported(directory)
     try:
         problem = _programs(directory, folder, Policy.from_bytes(data), registry.get(env))
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
@@ -95,14 +93,15 @@ def _programs(directory: Path, folder: str, policy: Policy, task: type[Task]) ->
     return problem
 
 
-_STRANGE = (
-    "No video and no new policy.onnx: the run's task is not installed, and code that a run names is not imported "
-    "unless you name it too. Add env=FILE.py to `{command}`."
-)
-
-
-def _candidates(directory: Path, run: RunView, wanted: str, env: str) -> str:
+def _lane_videos(directory: Path, wanted: str, env: str) -> str:
     missing = filming.missing(directory) if wanted == "all" else {}
     if missing and not env:
-        return _STRANGE.format(command=command_line("report", directory))
+        return _not_imported(directory)
     return filming.film(directory, env, missing.items())
+
+
+def _not_imported(directory: Path) -> str:
+    return (
+        "No video and no new policy.onnx: the run's task is not installed, and code that a run names is not imported "
+        f"unless you name it too. Add env=FILE.py to `{command_line('report', directory)}`."
+    )
