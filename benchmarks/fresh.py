@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from records import ends
+from records import Record, ends
 
 import openeureka
 from openeureka.config import RunConfig
@@ -75,6 +75,16 @@ def noisy(env: str) -> bool:
     simulation = registry.make(env, worlds=2)
     simulation.reset()
     return begin_alike(simulation)
+
+
+def as_today(kept: Record, env: str) -> bool:
+    """Whether the policies of kept scores played as policies do today."""
+    return kept.get("noisy", False) == noisy(env)
+
+
+def reusable(kept: Record, env: str, count: int) -> bool:
+    """Whether kept scores are those that so many seeds would reach today, each trained for as many steps as the row."""
+    return len(kept.get("seeds", ())) == count and "steps" not in kept and as_today(kept, env)
 
 
 def held_out(run: openeureka.Run, count: int) -> dict[str, list[float]]:

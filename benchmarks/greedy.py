@@ -67,12 +67,12 @@ def measure(env: str) -> Record:
     run = headline.archived_run(env)
     own, other = choices(run)
     known = read(table.RESULTS)[env].get("confirmed", {})
-    again = len(known.get("seeds", ())) == SEEDS and known.get("noisy", False) == fresh.noisy(env)
-    candidates = (entry.sample.candidate for entry in ((other,) if again else (own, other)))
+    reused = fresh.reusable(known, env, SEEDS)
+    candidates = (entry.sample.candidate for entry in ((other,) if reused else (own, other)))
     sources = [candidate.source for candidate in candidates if candidate is not None]
     trained = fresh.trained(run.config, sources, OUTPUTS / "greedy" / env, SEEDS)
-    first, second = (known["generated"], *trained.scores) if again else trained.scores
-    taken = ({"own_on": known["processor"]} if again else {}) | ({"noisy": True} if trained.noisy else {})
+    first, second = (known["generated"], *trained.scores) if reused else trained.scores
+    taken = ({"own_on": known["processor"]} if reused else {}) | ({"noisy": True} if trained.noisy else {})
     found = {"own": first, "other": second, "difference": fresh.between(second, first)}
     return {"seeds": trained.seeds, **found, **machine("cpu"), **taken}
 

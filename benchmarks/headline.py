@@ -71,7 +71,7 @@ def repeat(whole: Plan, env: str) -> str:
     if not fresh.noisy(env):
         return compared(env, row, search(whole, env, AGAIN / env)[1])
     known, run = row.get("confirmed") or {}, archived_run(env)
-    if not known.get("noisy"):
+    if not fresh.as_today(known, env):
         raise SystemExit(
             f"{env}: this row can't be repeated. Its policies played without noise, and today they play with noise. "
             f"Train its reward instead: {table.reward_file(env).relative_to(ROOT)}"
@@ -132,13 +132,12 @@ def train_other_seeds(env: str, count: int, steps: int = 0) -> Record:
     run, known = archived_run(env), read(GREEDY).get(env, {})
     assert run.best is not None
     longer = {"steps": steps} if steps not in (0, run.config.steps) else {}
-    same = known.get("best") == str(run.best.place) and known.get("noisy", False) == fresh.noisy(env)
-    again = same and len(known.get("seeds", ())) == count and not longer
-    rewards = ["human"] if again else ["human", run.best.program.source]
+    reused = not longer and known.get("best") == str(run.best.place) and fresh.reusable(known, env, count)
+    rewards = ["human"] if reused else ["human", run.best.program.source]
     directory = CONFIRMED / (f"{env}_{steps}" if longer else env)
     trained = fresh.trained(replace(run.config, **longer), rewards, directory, count)
-    human, generated = (*trained.scores, known["own"]) if again else trained.scores
-    return longer | confirmation(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
+    human, generated = (*trained.scores, known["own"]) if reused else trained.scores
+    return longer | confirmation(trained, human, generated) | ({"generated_on": known["processor"]} if reused else {})
 
 
 def confirm(env: str, count: int, steps: int = 0) -> str:
@@ -146,9 +145,9 @@ def confirm(env: str, count: int, steps: int = 0) -> str:
     some of the steps. Shorter trainings stay in the row, and decide it no more.
     """
     row = read(table.RESULTS)[env]
-    known = row.get("confirmed")
-    played = known is not None and (known.get("noisy", False) or not fresh.noisy(env))
-    if known is None or not played or steps > known.get("steps", row["steps"]):
+    known = row.get("confirmed") or {}
+    played = bool(known) and fresh.as_today(known, env)
+    if not played or steps > known.get("steps", row["steps"]):
         earlier = {"shorter": [*row.get("shorter", ()), known]} if played else {}
         known = train_other_seeds(env, count, steps)
         keep(table.RESULTS, env, row | earlier | {"confirmed": known})
