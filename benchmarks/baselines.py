@@ -20,22 +20,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from lanes import PEAKS, by_reward, record, reward_and_seed
 from ledger import differing, learn, whole
-from records import (
-    OUTPUTS,
-    PEAKS,
-    ROOT,
-    Record,
-    amount,
-    by_reward,
-    command_line,
-    machine,
-    read,
-    record,
-    results,
-    reward_and_seed,
-    write,
-)
+from records import OUTPUTS, ROOT, Record, amount, command_line, machine, read, results, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.seeds import Wanted, deal

@@ -18,7 +18,8 @@ from statistics import stdev
 import choosing
 import predictors
 import rungs
-from records import Record, read, show, told
+from intervals import interval_or_dash
+from records import Record, read, show
 
 from openeureka.method.schedule import RUNGS, Rung
 from openeureka.numbers import number
@@ -127,7 +128,7 @@ def compared(study: Sequence[Search], schedule: Sequence[Rung]) -> tuple[str, st
     searches."""
     chosen = [search.choose(schedule)[0] for search in study]
     less = estimate([own - search.choose(())[0] for own, search in zip(chosen, study, strict=True)])
-    return _spread(chosen), told(less, 2) if schedule else "-"
+    return _spread(chosen), interval_or_dash(less, 2) if schedule else "-"
 
 
 def _spread(found: Sequence[float]) -> str:

@@ -18,8 +18,9 @@ from itertools import combinations
 from math import comb
 from typing import get_args
 
+from lanes import by_reward
 from ledger import Script, refuse_other_recipe, whole
-from records import FOLDER, OUTPUTS, Record, by_reward, command_line, correlation, machine, read, results, write
+from records import FOLDER, OUTPUTS, Record, command_line, machine, read, results, write
 
 from openeureka.config import RunConfig
 from openeureka.method.race import CONTENDERS
@@ -29,7 +30,7 @@ from openeureka.reward import extract
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import judge
 from openeureka.score import rank
-from openeureka.stats import mean
+from openeureka.stats import mean, spearman
 from openeureka.store import Store
 from openeureka.types import (
     Candidate,
@@ -216,7 +217,7 @@ def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
 
 def _correlation(xs: Sequence[float], ys: Sequence[float]) -> str:
     """Spearman's rank correlation; a dash where one side is constant."""
-    found = correlation(xs, ys)
+    found = spearman(xs, ys)
     return "-" if found is None else f"{found:.2f}"
 
 

@@ -23,7 +23,8 @@ import fresh
 import longer
 import rungs
 import table
-from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
+from intervals import interval
+from records import FOLDER, OUTPUTS, Record, command_line, keep, machine, read, results, show
 
 import openeureka
 from openeureka.benchmark.plan import load

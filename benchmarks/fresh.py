@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from records import Record, ends
+from intervals import ends
+from records import Record
 
 import openeureka
 from openeureka.config import RunConfig

@@ -20,8 +20,9 @@ import re
 from pathlib import Path
 
 from fresh import several, trained
+from intervals import interval_or_dash
 from ledger import in_sentences
-from records import FOLDER, Record, command_line, machine, read, results, today, told, write
+from records import FOLDER, Record, command_line, machine, read, results, today, write
 
 import openeureka
 from openeureka.benchmark import figures
@@ -132,7 +133,7 @@ def _further(found: Record | None) -> tuple[str, str, str]:
     if found is None:
         return "-", "-", "-"
     generated, human = found["generated"], found["human"]
-    return spread(generated), spread(human), told(difference(generated, human))
+    return spread(generated), spread(human), interval_or_dash(difference(generated, human))
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:

@@ -11,7 +11,8 @@ from functools import cache
 from typing import Any
 
 import torch
-from records import PEAKS, conditions, record
+from lanes import PEAKS, record
+from records import conditions
 from throughput import RAW_EPISODE
 from throughput import raw as raw_on_cpu
 from torch.profiler import ProfilerActivity, profile

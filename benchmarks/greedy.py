@@ -18,7 +18,8 @@ from dataclasses import replace
 import fresh
 import headline
 import table
-from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, write
+from intervals import interval
+from records import OUTPUTS, Record, command_line, keep, machine, read, results, write
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name

@@ -14,8 +14,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import gymnasium
+from lanes import record
 from ledger import learn
-from records import OUTPUTS, Record, command_line, machine, once, record, results, show
+from records import OUTPUTS, Record, command_line, machine, once, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.numbers import number, spread

@@ -29,8 +29,9 @@ from tempfile import TemporaryDirectory
 
 import fresh
 import table
+from intervals import ends, interval
 from ledger import Script
-from records import OUTPUTS, ROOT, Record, amount, command_line, ends, interval, keep, machine, read, results
+from records import OUTPUTS, ROOT, Record, amount, command_line, keep, machine, read, results
 
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load

@@ -19,7 +19,8 @@ from pathlib import Path
 import fresh
 import headline
 import table
-from records import FOLDER, OUTPUTS, Record, command_line, interval, once, read, results
+from intervals import interval
+from records import FOLDER, OUTPUTS, Record, command_line, once, read, results
 
 from openeureka.benchmark.plan import Plan, load
 from openeureka.config import RunConfig, short_name

@@ -16,7 +16,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, amount, command_line, machine, once, results, show, told
+from intervals import interval_or_dash
+from records import OUTPUTS, Record, amount, command_line, machine, once, results, show
 
 import openeureka
 from openeureka.numbers import spread
@@ -50,7 +51,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 def _row(env: str, found: Record) -> list[str]:
     everything, sensed = (found["held_out"][sight] for sight in SIGHTS)
     before, after = mean(everything), mean(sensed)
-    between = told(difference(sensed, everything), 3)
+    between = interval_or_dash(difference(sensed, everything), 3)
     share = f"{(after - before) / abs(before):+.0%}" if before and after is not None else "-"
     return [env, f"{found['steps']:,}", spread(everything), spread(sensed), between, share]
 

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import fresh
 from choosing import JUDGED
+from lanes import by_reward, joined
 from ledger import in_sentences
-from records import Record, by_reward, command_line, correlation, joined, keep, read, results
+from records import Record, command_line, keep, read, results
 
 import openeureka
 from openeureka.config import short_name
 from openeureka.numbers import number
-from openeureka.stats import defined, mean, pooled
+from openeureka.stats import defined, mean, pooled, spearman
 from openeureka.store import Store
 from openeureka.training.evaluate import evaluate
 
@@ -65,7 +66,7 @@ def _row(env: str, row: Record) -> tuple[str, ...]:
     without, noisy = ([pair[side] for pair in pairs] for side in (0, 1))
     missed = sum(not without and noisy > 0.5 for without, noisy in pairs)
     begin = "alike" if row["alike"] else "differently"
-    together = number(correlation(without, noisy), 2)
+    together = number(spearman(without, noisy), 2)
     spreads = [number(between_seeds(row["played"], side), 2) for side in (0, 1)]
     means = number(mean(without)), number(mean(noisy))
     return (short_name(env), begin, str(len(pairs)), *means, together, str(missed), *spreads)

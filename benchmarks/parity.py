@@ -24,8 +24,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from intervals import interval_or_dash
 from ledger import learn
-from records import OUTPUTS, Record, command_line, keep, machine, results, told
+from records import OUTPUTS, Record, command_line, keep, machine, results
 from throughput import sleep_when_idle
 
 from openeureka.config import TrainConfig
@@ -165,7 +166,7 @@ def _sentence(env: str, found: Record) -> str:
     ours, theirs = (found["final_fitness"][name] for name in ("ours", "rsl_rl"))
     seconds = [statistics.fmean(run["seconds"] for run in found["runs"][name]) for name in ("ours", "rsl_rl")]
     apart = difference(ours, theirs)
-    between = f": a difference of {told(apart, 2)}" if apart else ""
+    between = f": a difference of {interval_or_dash(apart, 2)}" if apart else ""
     return (
         f"On `{env}`, F of the last tenth of {found['env_steps']:,} steps is {spread(ours)} with one lane and "
         f"{spread(theirs)} with rsl_rl's PPO ({len(ours)} seeds){between}. rsl_rl's takes "

@@ -18,8 +18,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lanes import thinned
 from ledger import Learned, learn
-from records import OUTPUTS, Record, amount, command_line, machine, read, results, thinned, write
+from records import OUTPUTS, Record, amount, command_line, machine, read, results, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT

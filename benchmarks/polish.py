@@ -17,7 +17,7 @@ from pathlib import Path
 
 import choosing
 from ledger import Script, in_sentences
-from records import OUTPUTS, Record, amount, command_line, correlation, keep, machine, read, results, show
+from records import OUTPUTS, Record, amount, command_line, keep, machine, read, results, show
 
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import ConfigError
@@ -27,7 +27,7 @@ from openeureka.numbers import number
 from openeureka.refine.polishing import PARTS
 from openeureka.runs.compose import comparing
 from openeureka.score import played, rank
-from openeureka.stats import mean
+from openeureka.stats import mean, spearman
 from openeureka.types import Lane, PolicyId, RewardProgram, Start
 
 RESULTS = results("polish")
@@ -142,7 +142,7 @@ def _cell(scores: Scores) -> str:
 def _correlation(scratch: Scores, again: Scores) -> str:
     """Spearman's rank correlation over rewards, of means over seeds; a dash where one side is constant."""
     both = [name for name in scratch if name in again]
-    found = correlation(*([rank(mean(scores[name])) for name in both] for scores in (scratch, again)))
+    found = spearman(*([rank(mean(scores[name])) for name in both] for scores in (scratch, again)))
     return "-" if found is None else f"{found:+.2f}"
 
 

@@ -14,13 +14,15 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
+from intervals import interval
+from lanes import joined, rounded
 from ledger import in_sentences
-from records import Record, command_line, correlation, interval, joined, read, results, rounded, show, write
+from records import Record, command_line, read, results, show, write
 
 import openeureka
 from openeureka.numbers import number
 from openeureka.score import rank
-from openeureka.stats import Estimate, estimate
+from openeureka.stats import Estimate, estimate, spearman
 
 RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
@@ -55,7 +57,7 @@ def together(curves: Curves, end: int, _: int) -> float | None:
     """Rank correlation of F and own reward over the epochs so far."""
     epochs = zip(curves["fitness"][:end], curves["reward"][:end], strict=True)
     known = [(f, own) for f, own in epochs if f is not None and own is not None]
-    return correlation([f for f, _ in known], [own for _, own in known])
+    return spearman([f for f, _ in known], [own for _, own in known])
 
 
 def certainty(curves: Curves, end: int, _: int) -> float | None:
@@ -108,14 +110,14 @@ def lanes(run: openeureka.Run) -> Record:
 def signals(study: Mapping[str, Record]) -> list[list[str]]:
     """For each signal and share: its rank correlation with worth, mean over tasks and the 95 % interval of that."""
     return [
-        [title, *(_over([correlation(*_columns(task, title, place)) for task in study.values()]) for place in PLACES)]
+        [title, *(_over([spearman(*_columns(task, title, place)) for task in study.values()]) for place in PLACES)]
         for title in SIGNALS
     ]
 
 
 def summary(study: Mapping[str, Record]) -> str:
     """Whether F tells how a training ends, before it does."""
-    found = [[correlation(*_columns(task, FITNESS, place)) for task in study.values()] for place in PLACES]
+    found = [[spearman(*_columns(task, FITNESS, place)) for task in study.values()] for place in PLACES]
     sure = [place for place in PLACES if (over := _mean(found[place])) is not None and over.sure]
     place = sure[0] if sure else PLACES[-1]
     return (
@@ -135,7 +137,7 @@ def tasks(study: Mapping[str, Record]) -> list[list[str]]:
 def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, list[float | None]]]:
     """Task, signal, and the rank correlation at each share, of the signals that the figure shows."""
     return [
-        (name, title, [correlation(*_columns(task, title, place)) for place in PLACES])
+        (name, title, [spearman(*_columns(task, title, place)) for place in PLACES])
         for title in SHOWN
         for name, task in study.items()
     ]
@@ -165,7 +167,7 @@ def _cell(signals: Sequence[float], worths: Sequence[float]) -> str:
     it; of lanes of equal worth the one that the signal prefers counts."""
     preferred = max(signal for signal, worth in zip(signals, worths, strict=True) if worth == max(worths))
     place = sum(signal >= preferred for signal in signals)
-    return f"{number(correlation(signals, worths), 2)}, {place} of {len(signals)}"
+    return f"{number(spearman(signals, worths), 2)}, {place} of {len(signals)}"
 
 
 def main() -> None:

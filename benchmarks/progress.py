@@ -17,22 +17,9 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from lanes import PEAKS, by_reward, record
 from ledger import learn
-from records import (
-    FOLDER,
-    OUTPUTS,
-    PEAKS,
-    Record,
-    amount,
-    by_reward,
-    command_line,
-    keep,
-    machine,
-    read,
-    record,
-    results,
-    show,
-)
+from records import FOLDER, OUTPUTS, Record, amount, command_line, keep, machine, read, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.numbers import number, spread

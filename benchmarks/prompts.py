@@ -15,8 +15,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from statistics import stdev
 
 import rungs
+from lanes import by_reward, reward_and_seed
 from ledger import differing, whole
-from records import FOLDER, Record, by_reward, command_line, machine, read, results, reward_and_seed, write
+from records import FOLDER, Record, command_line, machine, read, results, write
 from scipy.stats import ttest_ind
 
 from openeureka.numbers import number

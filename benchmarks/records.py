@@ -1,4 +1,4 @@
-"""The JSON that scripts of this folder write: trainings and measurements, with machine and date."""
+"""What the scripts of this folder share: their command line, and the JSON that they write, with machine and date."""
 
 from __future__ import annotations
 
@@ -6,29 +6,18 @@ import argparse
 import json
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-
-from openeureka.numbers import number
-from openeureka.stats import Difference, Estimate, midranks, pearson
-from openeureka.types import Evaluation, Peak, TrainingResult
-
-if TYPE_CHECKING:
-    from openeureka.config import RunConfig
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks"
 OUTPUTS = ROOT / "outputs"
 """Runs in which scripts train."""
-PEAKS: tuple[Peak, ...] = ("fitness", "reward")
-"""The policies whose held-out F stands in a record of a lane."""
-POINTS = 40  # of each curve in a file
 
 Record = dict[str, Any]
-Lane = TypeVar("Lane")
 
 
 def command_line(doc: str | None) -> argparse.ArgumentParser:
@@ -44,40 +33,6 @@ def amount(text: str) -> int:
 def results(name: str) -> Path:
     """Where a script writes what it found."""
     return FOLDER / "results" / f"{name}.json"
-
-
-def record(result: TrainingResult, held_out: Mapping[Peak, Evaluation]) -> Record:
-    """A lane as JSON, with the held-out scores of the policies at both peaks.
-
-    `fitness_at_first` is F of the first episodes that end, under a policy that explores and has hardly trained.
-    """
-    return {
-        "state": str(result.state),
-        "message": result.message,
-        "env_steps": result.env_steps,
-        "fitness_at_first": next((f for f in result.curves.get("fitness", ()) if f is not None), None),
-        "fitness_max_over_epochs": result.fitness,
-        "held_out_at_peak_of_fitness": _score(held_out.get("fitness")),
-        "held_out_at_peak_of_reward": _score(held_out.get("reward")),
-        "correlation_with_human": result.correlation,
-        "curves": thinned(result.curves),
-    }
-
-
-def _score(held_out: Evaluation | None) -> Record:
-    return {
-        "fitness": held_out.fitness if held_out else None,
-        "episode_length": held_out.episode_length if held_out else None,
-    }
-
-
-def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[float | None]]:
-    """Evenly spaced points of the most telling curves."""
-    shown = {name: curves[name] for name in ("fitness", "episode_length", "reward") if name in curves}
-    return {
-        name: [None if value is None else round(value, 4) for value in curve[:: max(1, -(-len(curve) // POINTS))]]
-        for name, curve in shown.items()
-    }
 
 
 def machine(device: str, *packages: str) -> Record:
@@ -115,72 +70,11 @@ def processor() -> str:
     return ", ".join(part for part in parts if part) or platform.machine()
 
 
-def interval(value: float, low: float, high: float, digits: int = 4) -> str:
-    """A difference and the ends of its interval, for a table."""
-    return f"{number(value, digits)} ({number(low, digits)} to {number(high, digits)})"
-
-
-def told(found: Difference | Estimate | None, digits: int = 4) -> str:
-    """The same; a dash where there is no interval."""
-    if found is None or found.low is None or found.high is None:
-        return "-"
-    return interval(found.value, found.low, found.high, digits)
-
-
-def ends(found: Difference | None) -> list[float] | None:
-    """A difference and the ends of its interval, for a record."""
-    return None if found is None else [found.value, found.low, found.high]
-
-
-def reward_and_seed(lane: str) -> tuple[str, int]:
-    """What a lane's id is made of, see `lane_id`."""
-    reward, _, seed = lane.rpartition("-s")
-    return reward, int(seed)
-
-
-def by_reward(lanes: Mapping[str, Lane]) -> dict[str, dict[int, Lane]]:
-    """What is known of lanes, by reward and seed."""
-    found: dict[str, dict[int, Lane]] = {}
-    for lane, known in lanes.items():
-        reward, seed = reward_and_seed(lane)
-        found.setdefault(reward, {})[seed] = known
-    return found
-
-
 def conditions(*packages: str) -> Record:
     """What `machine` says, and what else a speed depends on, with the load at this moment."""
     found = machine("cpu", *packages)
     speed = {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]}
     return {"date": found.pop("date"), "versions": found.pop("versions"), "machine": {**found, **speed}}
-
-
-def joined(entry: Record, key: str, lanes: Record, config: RunConfig, name: str) -> Record:
-    """A task's record with the lanes and the settings of one more run.
-
-    Args:
-        key: under which the record holds its lanes.
-        lanes: of the run `name`.
-
-    Raises:
-        SystemExit: where another run has a different lane of the same id.
-    """
-    known, runs = entry.get(key, {}), entry.get("runs", {})
-    own = runs.get(name, {}).get("lanes", ())
-    if others := [lane for lane in lanes if lane in known and lane not in own and known[lane] != lanes[lane]]:
-        raise SystemExit(f"{name} has another {others[0]} than the results, so its lanes cannot join them.")
-    settings = {word: getattr(config, word) for word in ("model", "seed", "steps", "worlds", "schedule")}
-    run = {**settings, **machine(config.device), "lanes": list(lanes)}
-    return {**entry, key: {**known, **lanes}, "runs": {**runs, name: run}}
-
-
-def rounded(value: float | None) -> float | None:
-    """To five digits."""
-    return None if value is None else float(f"{value:.5g}")
-
-
-def correlation(xs: Sequence[float], ys: Sequence[float]) -> float | None:
-    """Spearman's rank correlation; None below three pairs and where one side is constant."""
-    return pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) > 2 else None
 
 
 def today() -> str:

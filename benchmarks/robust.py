@@ -18,7 +18,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, keep, machine, read, results, show, told
+from intervals import interval_or_dash
+from records import OUTPUTS, Record, command_line, keep, machine, read, results, show
 
 import openeureka
 from openeureka.cli.train import robust
@@ -118,7 +119,7 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
 def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
     """Mean difference and its interval over seeds: both scores of a seed share its luck."""
     pairs = zip(own, other, strict=True)
-    return told(estimate([one - two for one, two in pairs if one is not None and two is not None]), 2)
+    return interval_or_dash(estimate([one - two for one, two in pairs if one is not None and two is not None]), 2)
 
 
 def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:

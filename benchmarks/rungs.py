@@ -23,15 +23,16 @@ from unittest.mock import patch
 
 import choosing
 import torch
+from lanes import by_reward, rounded
 from ledger import DEFAULTS, in_sentences, refuse_other_recipe, whole
 from predictors import window
-from records import FOLDER, Record, by_reward, command_line, correlation, machine, read, results, rounded, write
+from records import FOLDER, Record, command_line, machine, read, results, write
 
 from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.rewards import judge
 from openeureka.score import rank
-from openeureka.stats import mean
+from openeureka.stats import mean, spearman
 from openeureka.tasks import registry
 from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy
@@ -261,7 +262,7 @@ def best(played: Sequence[float | None]) -> float | None:
 def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
     now = [rank(of[seed][rung]) for of in scores.values()]
     end = [worth(scores, reward, seed, final) if fresh else rank(final(of[seed])) for reward, of in scores.items()]
-    return correlation(now, end)
+    return spearman(now, end)
 
 
 def main() -> None:

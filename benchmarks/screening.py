@@ -21,8 +21,9 @@ from random import Random
 from typing import NamedTuple
 
 import choosing
+from intervals import interval
 from ledger import Script, whole
-from records import FOLDER, OUTPUTS, Record, command_line, interval, machine, once, read, results, show
+from records import FOLDER, OUTPUTS, Record, command_line, machine, once, read, results, show
 
 from openeureka.config import RunConfig
 from openeureka.method import screen

@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from records import FOLDER, ROOT, Record, interval, results
+from intervals import interval
+from records import FOLDER, ROOT, Record, results
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name

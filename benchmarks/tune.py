@@ -20,7 +20,8 @@ from pathlib import Path
 from random import Random
 
 import fresh
-from records import OUTPUTS, Record, amount, command_line, ends, interval, keep, machine, once, read, results
+from intervals import ends, interval
+from records import OUTPUTS, Record, amount, command_line, keep, machine, once, read, results
 from table import PLAN
 from table import RESULTS as HEADLINE
 

@@ -24,8 +24,9 @@ import claims
 import fresh
 import numpy as np
 import torch
+from intervals import interval
 from PIL import Image, ImageDraw, ImageFont
-from records import OUTPUTS, ROOT, Record, command_line, interval, machine, read, results, show, write
+from records import OUTPUTS, ROOT, Record, command_line, machine, read, results, show, write
 from safetensors.torch import load
 
 import openeureka

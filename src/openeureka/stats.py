@@ -48,11 +48,16 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
 
 
 def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Ranks from 1 to n; equal values share the mean of their ranks. Spearman's correlation is `pearson` of these."""
+    """Ranks from 1 to n; equal values share the mean of their ranks."""
     import numpy as np  # importing it takes a tenth of a second, and only screens and tunings rank
 
     _, places, counts = np.unique(np.asarray(values, np.float64), return_inverse=True, return_counts=True)
     return (np.cumsum(counts) - (counts - 1) / 2)[places]
+
+
+def spearman(xs: Sequence[float], ys: Sequence[float]) -> float | None:
+    """Spearman's rank correlation; None below three pairs and where one side is constant."""
+    return pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) > 2 else None
 
 
 def jackknife(without: Sequence[float]) -> float:

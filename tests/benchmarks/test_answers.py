@@ -82,7 +82,7 @@ def test_curves_are_told_at_the_first_share_that_is_sure(
     tasks: list[float], said: str, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(predictors, "_columns", lambda task, _, place: (task if place > 1 else 0.0, None))
-    monkeypatch.setattr(predictors, "correlation", lambda value, _: value)
+    monkeypatch.setattr(predictors, "spearman", lambda value, _: value)
     assert predictors.summary({str(n): value for n, value in enumerate(tasks)}).startswith(said)
 
 

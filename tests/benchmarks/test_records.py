@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import lanes
 import pytest
 import records
 
@@ -11,8 +12,8 @@ CONFIG = RunConfig(env="ant", model="claude", steps=1000, worlds=8)
 
 
 def test_lanes_of_several_runs_stand_together_and_each_run_says_what_it_was():
-    one = records.joined({"steps": 1000}, "lanes", {"a-s0": 1.0}, CONFIG, "one")
-    both = records.joined(one, "lanes", {"b-s0": 2.0}, CONFIG, "two")
+    one = lanes.joined({"steps": 1000}, "lanes", {"a-s0": 1.0}, CONFIG, "one")
+    both = lanes.joined(one, "lanes", {"b-s0": 2.0}, CONFIG, "two")
     assert both["steps"] == 1000 and both["lanes"] == {"a-s0": 1.0, "b-s0": 2.0}
     told = both["runs"]["two"]
     assert both["runs"]["one"] == one["runs"]["one"] and told["lanes"] == ["b-s0"]
@@ -20,11 +21,11 @@ def test_lanes_of_several_runs_stand_together_and_each_run_says_what_it_was():
 
 
 def test_a_lane_of_another_run_is_not_replaced_and_that_of_the_same_run_is():
-    known = records.joined({}, "lanes", {"human-s0": 1.0}, CONFIG, "one")
+    known = lanes.joined({}, "lanes", {"human-s0": 1.0}, CONFIG, "one")
     with pytest.raises(SystemExit, match="two has another human-s0"):
-        records.joined(known, "lanes", {"human-s0": 2.0}, CONFIG, "two")
-    assert records.joined(known, "lanes", {"human-s0": 1.0}, CONFIG, "two")["lanes"] == {"human-s0": 1.0}
-    assert records.joined(known, "lanes", {"human-s0": 2.0}, CONFIG, "one")["lanes"] == {"human-s0": 2.0}
+        lanes.joined(known, "lanes", {"human-s0": 2.0}, CONFIG, "two")
+    assert lanes.joined(known, "lanes", {"human-s0": 1.0}, CONFIG, "two")["lanes"] == {"human-s0": 1.0}
+    assert lanes.joined(known, "lanes", {"human-s0": 2.0}, CONFIG, "one")["lanes"] == {"human-s0": 2.0}
 
 
 @pytest.mark.parametrize("name, key", [("noise", "played"), ("predictors", "lanes")])

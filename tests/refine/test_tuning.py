@@ -537,7 +537,7 @@ def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_t
 
 def test_the_rank_correlation_and_its_interval() -> None:
     # Ranks 1 2 3 4 5 and 2 1 4 3 5: squared differences sum to 4, so 1 - 6 * 4 / (5 * 24) = 0.8.
-    found = tuned.spearman([1.0, 2.0, 3.0, 4.0, 50.0], [20.0, 10.0, 40.0, 30.0, 1000.0], claims=1)
+    found = tuned.correlation([1.0, 2.0, 3.0, 4.0, 50.0], [20.0, 10.0, 40.0, 30.0, 1000.0], claims=1)
     assert found is not None and found.value == pytest.approx(0.8)
     # atanh(0.8) = 1.0986, half = 1.96 * sqrt(1.06 / 2) = 1.4269
     assert (found.low, found.high) == pytest.approx((math.tanh(-0.3283), math.tanh(2.5255)), abs=1e-3)
@@ -545,11 +545,11 @@ def test_the_rank_correlation_and_its_interval() -> None:
 
 
 def test_ties_share_a_rank_and_an_undefined_f_has_the_lowest() -> None:
-    falling = tuned.spearman([1.0, 2.0, 3.0, 4.0, 5.0], [3.0, 3.0, 2.0, -math.inf, -math.inf])
+    falling = tuned.correlation([1.0, 2.0, 3.0, 4.0, 5.0], [3.0, 3.0, 2.0, -math.inf, -math.inf])
     # Ranks 1 2 3 4 5 and 4.5 4.5 3 1.5 1.5: covariance -9, variances 10 and 9, -9 / sqrt(90) = -0.9487
     assert falling is not None and falling.value == pytest.approx(-0.9487, abs=1e-4)
-    assert tuned.spearman([1.0, 2.0], [1.0, 2.0]) is None
-    assert tuned.spearman([1.0] * 6, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) is None
+    assert tuned.correlation([1.0, 2.0], [1.0, 2.0]) is None
+    assert tuned.correlation([1.0] * 6, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) is None
 
 
 def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -> None:

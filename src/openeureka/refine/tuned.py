@@ -12,7 +12,7 @@ from ..method import race
 from ..method.seeds import tuning_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import SeedScores, breach, lawful, pooled, rank
-from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson
+from ..stats import CONFIDENCE, Difference, difference, mean, spearman
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, TrainingState, lane_id, of_components
 
 ORIGINAL = "original"
@@ -273,10 +273,10 @@ def _effects(origin: Candidate, trials: Sequence[Weighting], after: str) -> tupl
 
 def _trend(xs: Sequence[float], trials: Sequence[Weighting]) -> Correlation | None:
     """Correlation with played F; an undefined F has the lowest rank."""
-    return spearman(xs, [rank(trial.played) for trial in trials])
+    return correlation(xs, [rank(trial.played) for trial in trials])
 
 
-def spearman(xs: Sequence[float], ys: Sequence[float], *, claims: int = 2) -> Correlation | None:
+def correlation(xs: Sequence[float], ys: Sequence[float], *, claims: int = 2) -> Correlation | None:
     """Spearman's rank correlation; None below five pairs or where either is constant.
 
     The interval is that of Fisher's z with the variance 1.06 / (n - 3) (Fieller, Hartley and Pearson 1957).
@@ -284,7 +284,7 @@ def spearman(xs: Sequence[float], ys: Sequence[float], *, claims: int = 2) -> Co
     Args:
         claims: how many such intervals are to hold together (Bonferroni).
     """
-    value = pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) >= FEWEST else None
+    value = spearman(xs, ys) if len(xs) >= FEWEST else None
     if value is None:
         return None
     quantile = NormalDist().inv_cdf(1 - (1 - CONFIDENCE) / (2 * claims))
