@@ -1,5 +1,5 @@
 """Environments in another Python, which `python=PATH` names: `env=python:pkg.mod:NAME`, or an id of a suite's."""
 
-from .named import imports, task
+from .resolve import imports, task
 
 __all__ = ["imports", "task"]

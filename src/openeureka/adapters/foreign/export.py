@@ -9,7 +9,7 @@ from ...drafting.source import template
 from ...errors import TaskError
 from ...reward.graph import spelled
 from ...types import RewardGraph, StateSpec
-from ..gym.export import read
+from ..gym.export import variables_read
 from . import scene
 
 _SUITES = {
@@ -26,12 +26,12 @@ def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: st
         raise TaskError(f"Rewards cannot be exported for the suite of `{env}`; the best reward is `best/reward.py`.")
     title, term = _SUITES[suite]
     names = [name for name in spec.names if name not in ("obs_buf", "previous_obs_buf")]
-    known = read(env, graph, names)
+    used = variables_read(env, graph, names)
     readers = [scene.scene_state, *([scene.attribute_state] if suite == "isaaclab" else [])]
     fields = {
         name: attribute
         for name, (attribute, _) in scene.FIELDS.items()
-        if any(variable.endswith(f"_{name}") for variable in known)
+        if any(variable.endswith(f"_{name}") for variable in used)
     }
     return template("terms.py.jinja").render(
         env=env.partition("+")[0],

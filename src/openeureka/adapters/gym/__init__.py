@@ -1,5 +1,5 @@
 """Gymnasium's environments as tasks: `env=gym:ID`; `env=gym:package:ID` first imports the package that registers it."""
 
-from .named import imports, task
+from .resolve import imports, task
 
 __all__ = ["imports", "task"]

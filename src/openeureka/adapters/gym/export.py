@@ -48,18 +48,18 @@ def _written(place: slice | str) -> str:
 def wrapper(task: type[PaidTask], graph: RewardGraph, program: str) -> str:
     """Source of the wrapper. Raises TaskError if the reward reads a variable that a task file computes itself."""
     env, spec, places = task.survey.env, task.spec, task.places
-    known = read(env, graph, (*places, *WHOLE))
+    used = variables_read(env, graph, (*places, *WHOLE))
     return template("wrapper.py.jinja").render(
         env=env,
         make=", ".join((f'"{env}"', *(f"{key}={value!r}" for key, value in task.keywords.items()))),
         program=program,
-        places=pformat({name: _place(name, places[name], spec) for name in known if name in places}, width=118),
+        places=pformat({name: _place(name, places[name], spec) for name in used if name in places}, width=118),
         parts=pformat([(part.path, part.counts, part.starts) for part in task.survey.parts], width=118),
         reward=spelled(graph, spec),
     )
 
 
-def read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
+def variables_read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
     """The variables that a reward reads. Raises TaskError for one that the environment does not know."""
     known = tuple(known)
     for name in inputs(graph):

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from .lifted import LiftedTask
+from .task import Info
 
 LARGEST = 10.0
 """Limit of speeds, and of one force, in observations that clip them."""
@@ -26,7 +27,7 @@ class Runner(LiftedTask):
         speeds = self.qvel.clamp(-LARGEST, LARGEST) if self.clipped else self.qvel
         return torch.cat((self.qpos[:, self.skipped :], speeds), dim=1)
 
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         speed, place = self.speed(), self.qpos[:, :2]
         info = {"x_position": place[:, 0].clone(), "x_velocity": speed[:, 0].clone()}
         if self.has_y:
@@ -68,7 +69,7 @@ class Hopper(Runner):
 
     clipped = True
 
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         return {**super().info(), "z_distance_from_origin": self.qpos[:, 1] - self.start[1]}
 
     def healthy(self) -> Tensor:
@@ -120,7 +121,7 @@ class Humanoid(Runner):
     has_y, forces = True, True
     fields = ("xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ten_length", "ten_velocity")
 
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         return {
             **super().info(),
             "tendon_length": self.read("ten_length"),

@@ -49,14 +49,14 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
         TaskError: for anything else, an unknown name, or a name that has several columns.
     """
     tree = _parsed(text)
-    names = _names(tree)
+    used = _names(tree)
     _check(tree, text, shapes)
-    if not names:
+    if not used:
         raise TaskError(f"The fitness `{text:.80}` uses nothing of the environment, which has {', '.join(shapes)}.")
-    return lambda values: _value(tree, values).to(torch.float32), names
+    return lambda values: _value(tree, values).to(torch.float32), used
 
 
-def named(text: str) -> frozenset[str]:
+def names(text: str) -> frozenset[str]:
     """The names in an expression, known or not. Raises TaskError if the text is no expression."""
     return _names(_parsed(text))
 

@@ -15,7 +15,7 @@ from ...errors import TaskError
 from ...sim import Simulator
 from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, State
-from .task import PaidTask
+from .task import Info, PaidTask
 
 RECIPE = Recipe(hidden=(64, 64), env_steps=2_000_000, worlds=64, horizon=32, epochs=5, minibatches=4)
 
@@ -136,7 +136,7 @@ class LiftedTask(PaidTask):
     def previous_observation(self, observation: Tensor) -> Tensor:
         return torch.where((self.progress == 0)[:, None], observation, self.before)
 
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         return {}
 
     def terminated(self, s: State) -> Tensor:

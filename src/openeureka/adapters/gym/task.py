@@ -77,7 +77,7 @@ class PaidTask(Task):
         """(N, O) observation before the last step, fresh; at the start of an episode, the current `observation`."""
 
     @abstractmethod
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         """The numbers of `info` (N, ...), fresh."""
 
     @abstractmethod
@@ -150,7 +150,7 @@ class GymTask(PaidTask):
     def previous_observation(self, observation: Tensor) -> Tensor:
         return self.gym.previous.clone()
 
-    def info(self) -> Mapping[str, Tensor]:
+    def info(self) -> Info:
         return {name: value.clone() for name, value in self.gym.info.items()}
 
     def env_reward(self, terminated: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ from ...parsing import literal
 from ...tasks.faults import told_where
 from ...tasks.task import Task
 from .families import FAMILIES
-from .formula import named
+from .formula import names
 from .survey import Survey, survey
 from .task import GymTask, PaidTask, attributes
 
@@ -40,16 +40,18 @@ def imports(name: str, settings: Mapping[str, str]) -> bool:
     return ":" in name or not set(settings) <= {*OURS, "episode_length"}
 
 
-def dealt(settings: Mapping[str, str], named: Collection[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
+def split_settings(
+    settings: Mapping[str, str], parameters: Collection[str] = ()
+) -> tuple[dict[str, Any], dict[str, str]]:
     """The settings for the environment's constructor, as values, and those for class attributes of the task.
 
     Args:
-        named: parameters of the constructor, which then do not count as attributes.
+        parameters: of the constructor, which then do not count as attributes.
     """
     given: dict[str, Any] = {}
     own: dict[str, str] = {}
     for key, text in settings.items():
-        attribute = key not in named and (hasattr(Task, key) or key in Task.__annotations__)
+        attribute = key not in parameters and (hasattr(Task, key) or key in Task.__annotations__)
         if attribute or key in OURS:
             own[key] = text
         else:
@@ -69,9 +71,9 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
     Raises:
         TaskError: when there is no such id, or the environment cannot be made or acted in.
     """
-    keywords, left = dealt(settings)
+    keywords, left = split_settings(settings)
     if not left.keys() <= {*OURS}:
-        keywords, left = dealt(settings, _parameters(name))
+        keywords, left = split_settings(settings, _parameters(name))
     steps = left.pop("episode_length", "")
     if steps:
         if not re.fullmatch(r"[1-9][0-9]{0,8}", steps):
@@ -85,7 +87,7 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
     make = functools.partial(_make, name, **json.loads(keywords))
     instance = make()
     try:
-        found = survey(instance, name, named(fitness) if fitness else frozenset())
+        found = survey(instance, name, names(fitness) if fitness else frozenset())
         lifted = {} if env.startswith(AS_IT_IS) else _lifted(instance, found)
     except TaskError:
         raise

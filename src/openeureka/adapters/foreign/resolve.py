@@ -19,7 +19,7 @@ from ...parsing import literal
 from ...types import RewardGraph, StateUse, StateVar
 from ...worker import interpreter
 from ..gym import documents
-from ..gym.named import OURS, dealt
+from ..gym.resolve import OURS, split_settings
 from ..gym.spaces import Actions, Part, actions
 from ..gym.survey import Survey
 from ..gym.task import GymTask, attributes
@@ -48,7 +48,7 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask
         TaskError: when that Python does not run, or the environment cannot be made.
         WorkerError: when it dies, or takes too long.
     """
-    given, own = dealt({key: value for key, value in settings.items() if key != "python"})
+    given, own = split_settings({key: value for key, value in settings.items() if key != "python"})
     offered = {key: literal(text) for key, text in own.items() if key not in OURS}
     python, fitness = settings.get("python", interpreter()[0]), settings.get("fitness", "")
     found = _task(env, env.partition(":")[0], name, python, json.dumps(given), json.dumps(offered), fitness)
