@@ -5,6 +5,7 @@ import rendering
 
 from openeureka.film import mp4, video
 from openeureka.film.video import VideoUnavailable, render
+from openeureka.worker import Frame
 
 
 def test_a_part_of_a_second_of_cartpole_is_a_video_as_long_as_that(tmp_path):
@@ -28,7 +29,7 @@ def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
 
 def test_a_long_film_is_given_the_time_that_it_takes(monkeypatch):
     given = []
-    monkeypatch.setattr(video, "_first_that_works", lambda *_: given.append(_[2]) or {"video": b""})
+    monkeypatch.setattr(video, "_first_that_works", lambda *_: given.append(_[2]) or ("egl", Frame({}, {"video": b""})))
     for settings in ({"seconds": 3.0}, {"seconds": 60.0}, {"seconds": 60.0, "timeout": 5.0}):
         render("ant", "random", **settings)
     assert given == [600.0, 3600.0, 5.0]

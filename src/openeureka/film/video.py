@@ -53,17 +53,20 @@ def render(
     request = {"env": env, "agents": names, "captions": captions, "seconds": seconds, "seed": seed}
     blobs = {f"policy {place}": agent for place, agent in enumerate(agents) if isinstance(agent, bytes)}
     patience = timeout or max(SHORTEST, seconds * PATIENCE)
-    return _first_that_works(request, blobs, patience, background)["video"]
+    _, answer = _first_that_works(request, blobs, patience, background)
+    return answer.blobs["video"]
 
 
 def renderer() -> str:
     """Name of the rendering back end that works here. Raises VideoUnavailable."""
-    return _first_that_works({"agents": []}, {}, START)["backend"].decode()
+    backend, _ = _first_that_works({"agents": []}, {}, START)
+    return backend
 
 
 def _first_that_works(
     request: dict[str, object], blobs: dict[str, bytes], timeout: float, background: bool = False
-) -> dict[str, bytes]:
+) -> tuple[str, Frame]:
+    """The first back end that can render here, and its child's answer."""
     reasons = []
     able = late = False
     patience = BACKGROUND_START if background else START
@@ -84,7 +87,7 @@ def _first_that_works(
                 continue
         if "refused" in answer.header:
             raise VideoUnavailable(answer.header["refused"])
-        return {**answer.blobs, "backend": backend.encode()}
+        return backend, answer
     if able:
         raise VideoUnavailable(f"Rendering the video broke off ({'; '.join(reasons)}); try again, or fewer seconds=.")
     if late:
