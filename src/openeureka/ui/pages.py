@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
-from ..display.now import Curves, read
+from ..display.now import Curves, Now, read
 from ..method import baselines
 from ..numbers import duration
 from ..report import filming, html, tables
@@ -88,7 +88,7 @@ def overview(directory: Path, run: RunView) -> Parts:
 
 def now(directory: Path, run: RunView, name: str = "") -> Parts:
     """How far a run has come, and what it is doing while it is at work."""
-    piece, told = _pieces(run=run), read(directory) if is_held(directory) else None
+    piece, told = _pieces(run=run), _doing(directory)
     entry, tiles = folder.entry(name, directory), tables.tiles(run)
     if told is not None:
         left = f"about {duration(told.left)} of search left" if told.left is not None else ""
@@ -139,7 +139,7 @@ def _in_depth(env: str) -> bool:
 
 def trained(directory: Path, run: RunView) -> Parts:
     """The curves of candidates that are being trained."""
-    told = read(directory) if is_held(directory) else None
+    told = _doing(directory)
     if told is None:
         return {}
     piece, places = _pieces(run=run), _places(run)
@@ -172,13 +172,18 @@ def unreadable(directory: Path, name: str, problem: str) -> Parts:
 
 def from_afar(directory: Path) -> Parts:
     """What a run is doing, where its rows cannot be opened, as when it is at work on another machine."""
-    told = read(directory) if is_held(directory) else None
+    told = _doing(directory)
     return {"now": _pieces(run=None).now(told, {})} if told is not None else {}
 
 
 def vanished() -> Parts:
     """The only part of an open page whose run has been deleted."""
     return {"problem": _pieces(run=None).problem("This run no longer exists.")}
+
+
+def _doing(directory: Path) -> Now | None:
+    """What a run is doing; None where no process works on it, as one that was killed leaves its file behind."""
+    return read(directory) if is_held(directory) else None
 
 
 def _places(run: RunView) -> dict[str, str]:
