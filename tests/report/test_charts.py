@@ -5,7 +5,7 @@ import math
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from openeureka.report import charts, html, verdict
+from openeureka.report import charts, family, html, verdict
 from openeureka.report.charts import MAX_POINTS
 
 from .search import BASELINES, HISTORY, finished, run, trained, view
@@ -112,13 +112,13 @@ def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest
         dataclasses.replace(shown.generations[0], candidates=(view(parent), view(other))),
         dataclasses.replace(shown.generations[1], candidates=(child, view(trained(1, 1, None)))),
     ]
-    family = charts.family(dataclasses.replace(shown, generations=tuple(generations)))
-    assert family is not None
-    found = {str(member.place): member for member in family.members}
+    tree = family.of(dataclasses.replace(shown, generations=tuple(generations)))
+    assert tree is not None
+    found = {str(member.place): member for member in tree.members}
     assert {name: member.shade for name, member in found.items()} == {"g0s0": 0, "g0s1": 8, "g1s0": 4, "g1s1": None}
     assert found["g1s0"].parent == (found["g0s1"].x, found["g0s1"].y)
-    assert all(0 < member.x < family.width and 0 < member.y < family.height for member in family.members)
-    assert charts.family(shown) is None  # nobody has a parent
+    assert all(0 < member.x < tree.width and 0 < member.y < tree.height for member in tree.members)
+    assert family.of(shown) is None  # nobody has a parent
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # both go by the clock

@@ -1,4 +1,4 @@
-"""Curves, and the family tree of a search, as data for pictures that a page draws."""
+"""Curves as data for pictures that a page draws."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..refine.hardened import Robust
 from ..refine.tuned import ORIGINAL
 from ..score import rank
 from ..text import one_line
-from ..types import Place, TrainingResult, of_components
+from ..types import TrainingResult, of_components
 from ..types.dynamics import SCALES
 from .candidates import CandidateView
 from .hints import adds_up
@@ -32,8 +32,6 @@ SPARK, SPARK_WIDTH, SPARK_HEIGHT = 40, 80.0, 20.0
 """Most points of a curve that is as small as a word, and its size [px]."""
 BESIDE = {"human reward": 3, "sparse reward": 2}
 """Colours of the rewards that candidates are compared with; a candidate's own is 0."""
-SHADES = 9
-"""Colours of the scale of F, from the lowest to the highest."""
 
 Curve = Sequence[float | None]
 Point = tuple[float, float]
@@ -192,7 +190,7 @@ def _reached(points: Sequence[Point], xs: Iterable[float]) -> list[float | None]
 
 def spark(curve: Curve) -> str:
     """The points of a polyline as small as a word; empty for a curve without two defined values."""
-    kept = [(x, value) for x in _kept(len(curve), SPARK) if (value := _drawable(curve[x])) is not None]
+    kept = [(x, value) for x in _kept(len(curve), SPARK) if (value := drawable(curve[x])) is not None]
     if len(kept) < 2:
         return ""
     low, high = min(value for _, value in kept), max(value for _, value in kept)
@@ -230,10 +228,11 @@ def _lines(curves: Mapping[str, Curve], beside: Mapping[str, int] = {}, kind: Ki
 
 
 def _rounded(values: Iterable[float | None]) -> tuple[float | None, ...]:
-    return tuple(float(f"{v:.{DIGITS}g}") if (v := _drawable(value)) is not None else None for value in values)
+    return tuple(float(f"{v:.{DIGITS}g}") if (v := drawable(value)) is not None else None for value in values)
 
 
-def _drawable(value: float | None) -> float | None:
+def drawable(value: float | None) -> float | None:
+    """None also for a value that no axis could show beside others."""
     return value if value is not None and abs(value) < TOO_LARGE else None
 
 
@@ -257,87 +256,3 @@ def _chart(
     if not defined:
         return None
     return Chart(title=title, x_label=x_label, xs=tuple(xs), lines=defined, names=names, bounds=bounds, note=note)
-
-
-# --- the family -------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
-    """A candidate in the family tree, in pixels."""
-
-    place: Place
-    x: float
-    y: float
-    score: float | None
-    """F."""
-    shade: int | None
-    """0 to SHADES - 1, from the lowest F to the highest; None without one."""
-    parent: tuple[float, float] | None
-    """Position of the candidate that it improves on."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
-    """The family tree: which candidate improves on which, with a column for each generation."""
-
-    members: tuple[Member, ...]
-    heads: tuple[tuple[float, str], ...]
-    """Position and name of each column."""
-    width: float
-    height: float
-    low: float | None
-    high: float | None
-    """F of the lowest and the highest shade."""
-
-
-COLUMN, ROW, MARGIN, HEAD = 120.0, 22.0, 16.0, 22.0
-"""[px] of the family tree."""
-
-
-def family(run: RunView) -> Family | None:
-    """The family tree; None where nobody has a parent yet."""
-    if not any(candidate.parent for candidate in run.candidates):
-        return None
-    scores = [score for candidate in run.candidates if (score := _drawable(candidate.score)) is not None]
-    low, high = (min(scores), max(scores)) if scores else (None, None)
-    at: dict[Place, tuple[float, float]] = {}
-    members: list[Member] = []
-
-    def parent(candidate: CandidateView) -> tuple[float, float] | None:
-        return at.get(candidate.parent.place) if candidate.parent is not None else None
-
-    for column, generation in enumerate(run.generations):
-        # Children stand in the order of their parents, so that few lines cross.
-        ordered = sorted(generation.candidates, key=lambda candidate: (parent(candidate) or (0.0, 0.0))[1])
-        for row, candidate in enumerate(ordered):
-            x, y = MARGIN + column * COLUMN, HEAD + MARGIN + row * ROW
-            at[candidate.place] = x, y
-            members.append(
-                Member(
-                    place=candidate.place,
-                    x=x,
-                    y=y,
-                    score=candidate.score,
-                    shade=_shade(candidate.score, low, high),
-                    parent=parent(candidate),
-                )
-            )
-    tallest = max(len(generation.candidates) for generation in run.generations)
-    return Family(
-        members=tuple(members),
-        heads=tuple(
-            (MARGIN - 7 + column * COLUMN, f"generation {g.index}") for column, g in enumerate(run.generations)
-        ),
-        width=2 * MARGIN + (len(run.generations) - 1) * COLUMN + 60,
-        height=HEAD + 2 * MARGIN + (tallest - 1) * ROW,
-        low=low,
-        high=high,
-    )
-
-
-def _shade(score: float | None, low: float | None, high: float | None) -> int | None:
-    score = _drawable(score)
-    if score is None or low is None or high is None:
-        return None
-    return round((score - low) / (high - low) * (SHADES - 1)) if high > low else SHADES - 1

@@ -31,7 +31,7 @@ from ..numbers import dollars, duration, number, scored
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
-from . import charts, costs, dots, fitted, hints, next_steps, robust, tables, verdict
+from . import charts, costs, dots, family, fitted, hints, next_steps, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
 from .view import FOLDERS, RunView
 
@@ -137,6 +137,7 @@ def environment() -> Environment:
         "charts": charts,
         "costs": costs,
         "dots": dots,
+        "family": family,
         "robust": robust,
         "hints": hints.hints,
         "shares": hints.shares,
