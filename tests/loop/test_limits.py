@@ -17,7 +17,7 @@ from openeureka.errors import ConfigError
 from openeureka.events import Event
 from openeureka.method.hacking import Kind
 from openeureka.report import costs, html, tables
-from openeureka.report.next_steps import nexts
+from openeureka.report.next_steps import commands
 from openeureka.report.verdict import of_tuning, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
@@ -105,7 +105,7 @@ def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Pa
     run = RunView.read(search_in(tmp_path / "run", script, trainer=trainer, tell=told.append, limits="torque=75"))
     assert told[-1] == Outcome(best=None)
     assert run.crown is None and "trained again with fresh seeds" in verdict(run)
-    assert [command for command, _ in nexts(run)] == ["eureka show DIR"]
+    assert [command for command, _ in commands(run)] == ["eureka show DIR"]
     assert not verdict(replace(run, ended=False)).startswith("No reward won")  # a winner may still come
     assert Run(tmp_path / "run").finished
 

@@ -20,7 +20,7 @@ from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
 from openeureka.refine.polishing import Polished, Try
 from openeureka.report import html, tables
-from openeureka.report.next_steps import nexts
+from openeureka.report.next_steps import commands
 from openeureka.report.verdict import of_polishing, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
@@ -261,7 +261,7 @@ def test_reports_name_both_results_and_keep_them_apart(tmp_path: Path) -> None:
         assert "The best policy, trained further" in text and of_polishing(found) in text and verdict(view) in text
         assert found.tries[1].lane.id in text and "10%" in text
     assert "<code>polished/</code> holds the result" in shown[1]
-    assert ("eureka play DIR policy=polished", "watch the best policy") in nexts(view)
+    assert ("eureka play DIR policy=polished", "watch the best policy") in commands(view)
     told = json.loads(json.dumps(facts(view)))["polished"]
     assert told["better"] and told["best"]["lane"] == found.tries[0].lane.id
     assert [lane["fresh"] for lane in told["lanes"]] == [0.0, 0.1, 0.25]

@@ -27,7 +27,7 @@ from openeureka.method.seeds import unused_seed
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
-from openeureka.report.next_steps import deciding, nexts
+from openeureka.report.next_steps import commands, deciding
 from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
@@ -460,7 +460,7 @@ def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Pat
     killed = search("killed", 8, Dies())
     assert not killed.ended and killed.outcome == alone.outcome
     assert of_tuning(killed.tuned) == "Not decided yet: the final trainings are not done."
-    assert [command for command, _ in nexts(killed)] == ["eureka resume DIR"]
+    assert [command for command, _ in commands(killed)] == ["eureka resume DIR"]
 
 
 class Settled(ToyTrainer):

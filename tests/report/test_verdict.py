@@ -12,9 +12,9 @@ from openeureka.cli.show import summary
 from openeureka.method import hacking
 from openeureka.numbers import number
 from openeureka.report import html
-from openeureka.report.next_steps import nexts
+from openeureka.report.next_steps import commands
 from openeureka.report.tables import measures, on_scale
-from openeureka.report.verdict import meaning, of_two, verdict
+from openeureka.report.verdict import lead, meaning, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Outcome, SeedScores
 from openeureka.store import Store
@@ -107,14 +107,14 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
 def test_what_to_type_next_names_the_seeds_that_would_decide(
     generated: list[float], human: list[float], first: str
 ) -> None:
-    commands = [command for command, _ in nexts(ended(generated, human))]
-    assert commands[0] == first and commands[-1] == "eureka play DIR"
-    assert nexts(ended(generated, human), "the run")[-1][0] == "eureka play 'the run'"
+    typed = [command for command, _ in commands(ended(generated, human))]
+    assert typed[0] == first and typed[-1] == "eureka play DIR"
+    assert commands(ended(generated, human), "the run")[-1][0] == "eureka play 'the run'"
 
 
 def test_a_chance_to_decide_is_told_where_two_seeds_say_how_far_seeds_differ() -> None:
-    assert nexts(ended([40.0, 42.0], [39.0, 41.0]))[0][1] == "an even chance to decide it"
-    assert nexts(ended([41.0], [40.0]))[0][1] == "train both with more seeds"
+    assert commands(ended([40.0, 42.0], [39.0, 41.0]))[0][1] == "an even chance to decide it"
+    assert commands(ended([41.0], [40.0]))[0][1] == "train both with more seeds"
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_a_tie_of_policies_that_are_no_better_than_untrained_ones_asks_for_longe
     )
     longer = replace(view, config=replace(view.config, steps=1000))
     told = (f"{AGAIN} steps=3000 seed=4 seeds=3", "train both for longer")
-    assert (nexts(longer)[0] == told) is not learnt
+    assert (commands(longer)[0] == told) is not learnt
 
 
 def test_a_difference_that_is_sure_stays_one_where_both_learn_nothing() -> None:
@@ -166,7 +166,7 @@ def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_dec
 def test_the_best_of_more_given_rewards_has_to_win_more_clearly() -> None:
     # Two seeds of variance 2 each: a standard error of sqrt(2). t(2) is 4.303 for one claim, and 6.205 for two.
     rewards = {name: SeedScores(held_out=(mean - 1, mean + 1)) for name, mean in (("a", 20.0), ("b", 13.0))}
-    alone, picked = of_two(rewards, "a", "b"), of_two({**rewards, "c": SeedScores(held_out=(1.0, 3.0))}, "a", "b")
+    alone, picked = lead(rewards, "a", "b"), lead({**rewards, "c": SeedScores(held_out=(1.0, 3.0))}, "a", "b")
     assert alone is not None and (alone.value, alone.low) == (7.0, pytest.approx(0.915, abs=1e-3))
     assert picked is not None and (picked.value, picked.low) == (7.0, pytest.approx(-1.775, abs=1e-3))
 
@@ -191,7 +191,7 @@ def test_a_search_that_stops_before_its_final_trainings_are_judged_has_not_lost(
         search_in(tmp_path, [reply(7), reply(8)], trainer=Stops(), search="eureka")
     view = RunView.read(tmp_path)
     assert verdict(view).startswith("Not decided yet")
-    assert [command for command, _ in nexts(view)] == ["eureka resume DIR"]
+    assert [command for command, _ in commands(view)] == ["eureka resume DIR"]
 
 
 def test_a_person_who_rejects_all_that_trained_is_the_reason_that_nothing_was_found(tmp_path: Path) -> None:
@@ -257,4 +257,4 @@ def test_a_search_that_found_nothing_says_why_and_where_to_read_more(tmp_path: P
     said = verdict(view)
     assert said.startswith("No reward was found: none of 4 slots left a policy with a score. The latest is g1s0: ")
     assert "the reply holds no Python function" in said and said in summary(view)
-    assert nexts(view) == [("eureka show DIR", "what became of each reply")]
+    assert commands(view) == [("eureka show DIR", "what became of each reply")]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Container
 
-from ..config import NO_MODEL
 from ..numbers import number, scored
 from ..types import COSTS, OWN_REWARDS, Evaluation, lane_id
 from .tables import Table
@@ -40,7 +39,7 @@ def facts(score: Evaluation | None) -> Table:
 
 
 def _scores(run: RunView) -> dict[str, Evaluation]:
-    if run.config.model == NO_MODEL:
+    if not run.searched:
         lanes = {name: name for name, lane in run.lanes.items() if lane.role == "given"}
     else:
         lanes = {str(c.place): c.result.lane for c in run.candidates if c.result is not None}

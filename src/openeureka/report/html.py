@@ -70,7 +70,7 @@ def report(run: RunView, directory: Path) -> str:
             run=run,
             best=run.best,
             where=where,
-            nexts=nexts(run, directory, where),
+            commands=next_commands(run, directory, where),
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             baseline_videos=[(name, run.videos[r.lane]) for name, r in run.baselines.items() if r.lane in run.videos],
@@ -96,9 +96,9 @@ def intent(env: str) -> str:
     return task.description if task is not None else ""
 
 
-def nexts(run: RunView, directory: Path, where: str) -> list[tuple[str, str]]:
+def next_commands(run: RunView, directory: Path, where: str) -> list[tuple[str, str]]:
     """What to type next, with `where` for the run's directory."""
-    return next_steps.nexts(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
+    return next_steps.commands(run, where, kept=artifacts.exists(directory, "best/policy.safetensors"))
 
 
 def _here(directory: Path) -> str:

@@ -7,7 +7,7 @@ from ..method.seeds import trained_baselines, unused_seed
 from ..parsing import command_line
 from ..refine.tuned import ORIGINAL
 from ..stats import Difference
-from .verdict import FEWEST, enough, limits_reason, none_found, nothing_learnt, of_two, ordered
+from .verdict import FEWEST, enough, lead, limits_reason, none_found, nothing_learnt, ordered
 from .view import RunView
 
 WORTH_REPEATING = (*AS_TRAINED, "device", "executor", "address")
@@ -16,7 +16,7 @@ LONGER = 3
 """How many times the steps a further training is proposed with, where nothing was learnt."""
 
 
-def nexts(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tuple[str, str]]:
+def commands(run: RunView, directory: str = "DIR", *, kept: bool = True) -> list[tuple[str, str]]:
     """What to type next: the command, and what it does.
 
     Args:
@@ -93,7 +93,7 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
         if len(rewards) < 2:
             return None
         first, second = ordered(rewards)[:2]
-        two, apart = (first, second), of_two(rewards, first, second)
+        two, apart = (first, second), lead(rewards, first, second)
     if not all(rewards[name].scores for name in two):
         return None
     return apart, (file(two[0]), file(two[1]))

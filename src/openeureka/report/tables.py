@@ -60,9 +60,9 @@ def tiles(run: RunView) -> list[Tile]:
     steps = sum(added for _, added in run.history.spent()) + sum(run.results[lane].env_steps for lane in others)
     trainings = Tile("trainings", str(len(run.results)), f"{steps:,} environment steps")
     if run.tunes:
-        return [*(_tuned(run.tuned) if run.tuned is not None else ()), trainings]
+        return [*(_tuned_tiles(run.tuned) if run.tuned is not None else ()), trainings]
     if not run.searched:
-        return [*_tiles(run.given)[:MOST_REWARDS], trainings]
+        return [*_score_tiles(run.given)[:MOST_REWARDS], trainings]
     slots, best = run.candidates, run.best
     human = run.baseline_score("human") if "human" in run.baselines else None
     played = human is not None and run.baselines["human"].lane in run.played
@@ -75,27 +75,27 @@ def tiles(run: RunView) -> list[Tile]:
         Tile("best F", number(best.score if best else None), f"{best.place}, {_how(best.played)}" if best else ""),
         Tile("human reward", number(human), f"F {_how(played)}" if human is not None else ""),
     ]
-    found = [*drawn, *found] if run.outcome is None else [*_final(run.outcome), *drawn]
+    found = [*drawn, *found] if run.outcome is None else [*_final_tiles(run.outcome), *drawn]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     cost = [Tile("cost", f"US$ {dollars(run.usage.cost_usd)}", f"{tokens:,} tokens")] if tokens else []
     return [*found, trainings, *cost]
 
 
-def _final(outcome: Outcome) -> list[Tile]:
+def _final_tiles(outcome: Outcome) -> list[Tile]:
     """The scores that the verdict rests on. The search's own best score flatters."""
-    found = _tiles({"generated reward": outcome.method, "human reward": outcome.human})
+    found = _score_tiles({"generated reward": outcome.method, "human reward": outcome.human})
     if (score := on_scale(outcome)) is not None:
         found.append(Tile("score, held out", number(score, 3), "0: sparse, 1: human reward"))
     return found
 
 
-def _tuned(found: Tuned) -> list[Tile]:
+def _tuned_tiles(found: Tuned) -> list[Tile]:
     """The final trainings with the numbers before and after."""
     named = {"before": ORIGINAL, "after": found.after}
-    return _tiles({name: found.finals[key] for name, key in named.items() if key in found.finals})
+    return _score_tiles({name: found.finals[key] for name, key in named.items() if key in found.finals})
 
 
-def _tiles(rewards: Mapping[str, SeedScores]) -> list[Tile]:
+def _score_tiles(rewards: Mapping[str, SeedScores]) -> list[Tile]:
     return [
         Tile(name, spread(own.scores), f"F held out, {len(own.scores)} seed{'s' if len(own.scores) > 1 else ''}")
         for name, own in rewards.items()
@@ -134,8 +134,8 @@ def final(run: RunView, outcome: Outcome) -> Table:
     rows = [(name, spread(own.held_out), spread(own.training), str(len(own.training))) for name, own in rewards.items()]
     how = NOISY if run.noisy else "deterministic actions"
     note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
-    if run.known is not None:
-        note += f" {run.known.sentence()}{' Those played without noise.' if run.noisy else ''}"
+    if run.known_baselines is not None:
+        note += f" {run.known_baselines.sentence()}{' Those played without noise.' if run.noisy else ''}"
     return Table(("reward", "F, held out", "F, training maximum", "seeds"), rows, note)
 
 

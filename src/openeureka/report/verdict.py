@@ -92,7 +92,7 @@ def _of_given(run: RunView) -> str:
     second = others[0]
     between = f"F {_mean_of(rewards[best])} against {_mean_of(rewards[second])}, held out"
     undecided = f"Not decided between {best} and {second}"
-    found = of_two(rewards, best, second)
+    found = lead(rewards, best, second)
     if found is None:
         return f"{undecided}: {between}. One seed says nothing about the next."
     if not found.sure and nothing_learnt(run):
@@ -106,7 +106,7 @@ def ordered(rewards: Mapping[str, SeedScores]) -> list[str]:
     return sorted(rewards, key=lambda name: -rank(mean(rewards[name].scores)))
 
 
-def of_two(rewards: Mapping[str, SeedScores], best: str, second: str) -> Difference | None:
+def lead(rewards: Mapping[str, SeedScores], best: str, second: str) -> Difference | None:
     """How much higher held-out F of the best given reward is, which was picked among all."""
     rivals = [own.scores for name, own in rewards.items() if name not in (best, second)]
     return difference(rewards[best].scores, rewards[second].scores, rivals, claims=len(rewards) - 1)
@@ -134,7 +134,7 @@ def _of_search(run: RunView) -> str:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_mean_of(generated)} against {_mean_of(human)}, held out"
     found = outcome.difference
-    if found is None and run.known is not None and len(human.scores) < 2:
+    if found is None and run.known_baselines is not None and len(human.scores) < 2:
         return f"Not decided: {between}. The human one was measured with one seed; baselines=train uses as many."
     if found is None:
         return f"Not decided: {between}. {_one_seed(generated, human)}"

@@ -210,7 +210,7 @@ class RunView:
         return max((own.fitness for own in self.results.values() if own.fitness is not None), default=None)
 
     @property
-    def known(self) -> Baselines | None:
+    def known_baselines(self) -> Baselines | None:
         """Baselines that were measured beforehand, where the run does not train them."""
         return baselines.chosen(self.config)
 

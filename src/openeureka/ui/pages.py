@@ -69,10 +69,10 @@ def overview(directory: Path, run: RunView) -> Parts:
     """A whole run: how far it has come, all candidates, and a card for each."""
     piece = _pieces(run=run)
     entry = folder.entry("", directory)
-    nexts = html.nexts(run, directory, str(directory)) if entry.state is not RunState.RUNNING else ()
+    commands = html.next_commands(run, directory, str(directory)) if entry.state is not RunState.RUNNING else ()
     parts = {
         "head": "",
-        "verdict": piece.found_so_far(nexts),
+        "verdict": piece.found_so_far(commands),
         "numbers": "",
         "now": "",
         "said": piece.said(*actions.ear(directory)),
