@@ -64,6 +64,9 @@ def read(directory: Path) -> Now | None:
         return None
 
 
+_NOT_BEGUN = TrainingProgress(epoch=0, epochs=0, env_steps_per_second=0.0, fitness={})
+
+
 class Recorder:
     """Writes the file at events. A full disk does not end the search here: the store will report it."""
 
@@ -75,7 +78,7 @@ class Recorder:
         self._clear()
 
     def _clear(self) -> None:
-        self._progress: TrainingProgress | None = None
+        self._progress = _NOT_BEGUN
         self._epochs: list[int] = []
         self._curves: dict[str, dict[str, list[float | None]]] = {}
         self._apart = 1
@@ -99,7 +102,7 @@ class Recorder:
                 pass
 
     def _follow(self, progress: TrainingProgress) -> None:
-        if self._progress is not None and progress.epoch < self._progress.epoch:
+        if progress.epoch < self._progress.epoch:
             self._clear()  # another training has begun, as in each round of the race
         self._progress = progress
         if not self._epochs or progress.epoch - self._epochs[-1] >= self._apart:
@@ -123,7 +126,7 @@ class Recorder:
         self._epochs.append(progress.epoch)
 
     def _write(self) -> None:
-        self._written, made = time.monotonic(), self._progress
+        self._written = time.monotonic()
         count = len(self._epochs)
         now = Now(
             doing=self._tally.doing,
@@ -131,10 +134,10 @@ class Recorder:
             left=self._tally.remaining(),
             writing=len(self._asked),
             usage=self._tally.usage,
-            epoch=made.epoch if made else 0,
-            epochs=made.epochs if made else 0,
-            env_steps_per_second=made.env_steps_per_second if made else 0.0,
-            nodes=made.nodes if made else {},
+            epoch=self._progress.epoch,
+            epochs=self._progress.epochs,
+            env_steps_per_second=self._progress.env_steps_per_second,
+            nodes=self._progress.nodes,
             at_epochs=tuple(self._epochs),
             curves={
                 lane: {name: (*values, *[None] * (count - len(values))) for name, values in curves.items()}
