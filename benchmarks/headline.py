@@ -34,7 +34,8 @@ from ledger import Script
 from records import OUTPUTS, ROOT, Record, amount, command_line, keep, machine, read, results
 
 from openeureka.benchmark import bench
-from openeureka.benchmark.plan import Cell, Plan, load
+from openeureka.benchmark.figures import Result
+from openeureka.benchmark.plan import Plan, load
 from openeureka.config import short_name
 from openeureka.llm.replay import archived
 from openeureka.report.view import RunView
@@ -51,15 +52,15 @@ NOT_REPEATED = ("minutes", "date", "device", "processor", "versions")
 """What differs in a repeated measurement."""
 
 
-def measure(whole: Plan, env: str) -> None:
+def measure(plan: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
-    store, row = search(whole, env, OUTPUTS / "headline" / env)
+    store, row = search(plan, env, OUTPUTS / "headline" / env)
     put_away(store, table.ARCHIVE, env)
     publish(env)
     keep(table.RESULTS, env, row)
 
 
-def repeat(whole: Plan, env: str) -> str:
+def repeat(plan: Plan, env: str) -> str:
     """Measure a row again, and say what is the same: all, on the same kind of processor with the same versions. Where
     the search played without noise and policies play with noise today, only the seeds that decide the row train again.
 
@@ -70,7 +71,7 @@ def repeat(whole: Plan, env: str) -> str:
         shutil.rmtree(AGAIN / env)
     row = read(table.RESULTS)[env]
     if not fresh.noisy(env):
-        return compared(env, row, search(whole, env, AGAIN / env)[1])
+        return compared(env, row, search(plan, env, AGAIN / env)[1])
     known, run = row.get("confirmed") or {}, archived_run(env)
     if not fresh.as_today(known, env):
         raise SystemExit(
@@ -85,16 +86,16 @@ def repeat(whole: Plan, env: str) -> str:
     return compared(f"{env}, {len(known['seeds'])} other seeds", known, again)
 
 
-def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
+def search(plan: Plan, env: str, directory: Path) -> tuple[Path, Record]:
     """The store of a finished search on one task, and what came of it."""
-    (cell,) = (cell for cell in whole.cells() if cell.task == env)
-    one = replace(whole, tasks=(env,), per_task={env: whole.per_task[env]})
+    (cell,) = (cell for cell in plan.cells() if cell.task == env)
+    one = replace(plan, tasks=(env,), per_task={env: plan.per_task[env]})
     found: list[bench.Bench] = []
     bench.run(one, directory, Script(), found.append, print)
     for name, error in found[-1].failures.items():
         raise SystemExit(f"{name}: {error}")
-    store = directory / cell.name / FILENAME
-    return store, outcome(store.parent, cell, found[-1])
+    (result,) = found[-1].results
+    return directory / cell.name / FILENAME, outcome(directory / cell.name, result)
 
 
 def put_away(store: Path, folder: Path, env: str) -> None:
@@ -168,9 +169,9 @@ def archived_run(env: str, folder: Path = table.ARCHIVE) -> RunView:
         return RunView.read(Path(directory))
 
 
-def outcome(directory: Path, cell: Cell, whole: bench.Bench) -> Record:
+def outcome(directory: Path, result: Result) -> Record:
     """What came of a finished search."""
-    run, (result,) = RunView.read(directory), whole.results
+    run = RunView.read(directory)
     found = run.outcome
     assert found is not None and run.best is not None
     return {
@@ -179,7 +180,7 @@ def outcome(directory: Path, cell: Cell, whole: bench.Bench) -> Record:
         "all_steps": result.steps,
         "minutes": round(result.minutes, 1),
         **machine(run.config.device),
-        "seed": cell.seed,
+        "seed": result.seed,
         "crowned": str(run.best.place),
         "generated": list(found.method.held_out),
         "runners_up": {str(place): list(own.held_out) for place, own in found.rivals.items()},
@@ -205,11 +206,11 @@ def compared(env: str, kept: Record, again: Record) -> str:
 
 def left(measured: Mapping[str, Record]) -> str:
     """The missing tasks, a line each, with the time that they will take, estimated from their baselines."""
-    whole, known, total, lines = load(table.PLAN), read(BASELINES), 0.0, list[str]()
-    for env in (env for env in whole.tasks if env not in measured):
+    plan, known, total, lines = load(table.PLAN), read(BASELINES), 0.0, list[str]()
+    for env in (env for env in plan.tasks if env not in measured):
         trained = next(iter(known[env]["lanes"].values()))
         took = trained["training"]["minutes"] / (trained["training"]["lanes"] * trained["env_steps"])
-        minutes = TRAININGS * whole.per_task[env]["steps"] * took
+        minutes = TRAININGS * plan.per_task[env]["steps"] * took
         total += minutes
         lines.append(f"{short_name(env):<32} {minutes / 60:5.1f} h")
     return "\n".join([*lines, f"{len(lines)} tasks, {total / 60:.0f} h"])
@@ -225,12 +226,12 @@ if __name__ == "__main__":
     )
     parser.add_argument("--steps", type=amount, default=0, help="of each of their trainings, if not the row's")
     options = parser.parse_args()
-    whole = load(table.PLAN)
+    plan = load(table.PLAN)
     if options.left:
         print(left(read(table.RESULTS)))
     elif options.again:
         for env in options.again:
-            print(repeat(whole, env), flush=True)
+            print(repeat(plan, env), flush=True)
     elif options.confirm:
         if unknown := [env for env in options.env or () if env not in read(table.RESULTS)]:
             parser.error(f"{unknown[0]} has no row yet: without --confirm it is measured.")
@@ -238,7 +239,7 @@ if __name__ == "__main__":
             print(confirm(env, options.confirm, options.steps), flush=True)
         print(table.summary(read(table.RESULTS)))
     else:
-        for env in options.env or whole.tasks:
+        for env in options.env or plan.tasks:
             if env not in read(table.RESULTS):
-                measure(whole, env)
+                measure(plan, env)
         print(table.summary(read(table.RESULTS)))

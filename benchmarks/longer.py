@@ -45,16 +45,16 @@ def titles(first: str, later: str) -> tuple[str, ...]:
 TITLES = titles("one generation", "three generations")
 
 
-def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
+def measure(plan: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
-    row, config, own = searched(whole, env, archive)
+    row, config, own = searched(plan, env, archive)
     trained = train_again(config, ["human", own], env, archive)
     return row | {"confirmed": headline.confirmation(trained, *trained.scores)}
 
 
-def searched(whole: Plan, env: str, archive: Path) -> tuple[Record, RunConfig, str]:
+def searched(plan: Plan, env: str, archive: Path) -> tuple[Record, RunConfig, str]:
     """What came of a search, whose store is kept; its settings and the program that won."""
-    store, row = headline.search(whole, env, OUTPUTS / archive.name / env)
+    store, row = headline.search(plan, env, OUTPUTS / archive.name / env)
     headline.put_away(store, archive, env)
     run = headline.archived_run(env, archive)
     assert run.best is not None
@@ -108,15 +108,15 @@ def run(
     doc: str | None,
     plan: Path,
     archive: Path,
-    found: Path,
+    kept: Path,
     measure: Callable[[Plan, str, Path], Record] = measure,
 ) -> None:
-    """Measure what the command line asks for and `found` lacks."""
+    """Measure what the command line asks for and the file `kept` lacks."""
     parser = command_line(doc)
     parser.add_argument("--env", nargs="+", choices=load(plan).tasks)
     options = parser.parse_args()
     for env in options.env or load(plan).tasks:
-        once(found, env, partial(measure, load(plan), env, archive))
+        once(kept, env, partial(measure, load(plan), env, archive))
 
 
 if __name__ == "__main__":

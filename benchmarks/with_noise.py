@@ -30,9 +30,9 @@ left = partial(longer.left, plan=PLAN)
 rows = partial(longer.rows, plan=PLAN)
 
 
-def measure(whole: Plan, env: str, archive: Path = ARCHIVE) -> Record:
+def measure(plan: Plan, env: str, archive: Path = ARCHIVE) -> Record:
     """Search on one task, or go on with it, and train what it found with other seeds."""
-    row, config, own = longer.searched(whole, env, archive)
+    row, config, own = longer.searched(plan, env, archive)
     known, first = played_with_noise(read(table.RESULTS)[env]), headline.archived_run(env).best
     if known is None:
         trained = longer.train_again(config, ["human", own], env, archive)
