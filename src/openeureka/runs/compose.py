@@ -156,6 +156,7 @@ def expect_fit(config: RunConfig, directory: Path) -> None:
     """Refuse a search whose settings name what does not exist, or do not fit its task or each other. Starts nothing and
     opens no model. Raises EurekaError."""
     _expect_choices(config, directory)
+    strategies.SEARCHES.find(config.search)
     trainers.expect_fit(config)
 
 
@@ -164,7 +165,6 @@ def _expect_choices(config: RunConfig, directory: Path) -> None:
     costs.check(config.env, config.cost_limits)
     if config.init and not has_begun(directory):
         sampling.init_candidate(config)  # refuses what cannot be read
-    strategies.SEARCHES.find(config.search)
 
 
 def expect_comparable(config: RunConfig) -> None:
