@@ -268,7 +268,7 @@ def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
         ),
         ("python:no_such_package:make", "No module named 'no_such_package'"),
         ("python:carts", "name the factory of the environment: pkg.mod:factory"),
-        ("mjlab:Mjlab-Cartpole", "lacks it: set python= to the interpreter that has it"),
+        ("mjlab:Mjlab-Cartpole", "lacks it: install it there, or set python= to the interpreter that has it"),
     ],
 )
 def test_what_cannot_be_made_is_one_sentence(env: str, words: str):

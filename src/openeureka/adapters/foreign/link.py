@@ -188,6 +188,6 @@ class Link:
         if "broken" in answer.header:
             failed = "cannot be made" if question["do"] == "describe" else "failed"
             said = answer.header["broken"]
-            lacking = f" {self._python} lacks it: set python= to the interpreter that has it."
+            lacking = f" {self._python} lacks it: install it there, or set python= to the interpreter that has it."
             raise TaskError(f"The environment `{self._env}` {failed}: {said}.{lacking if 'No module' in said else ''}")
         return answer
