@@ -78,7 +78,8 @@ def modules() -> str:
     for folder in [PACKAGE, *sorted(path.parent for path in PACKAGE.rglob("*/__init__.py"))]:
         lines = [(path.name, _summary(path)) for path in sorted(folder.glob("*.py")) if path.name != "__init__.py"]
         name = folder.relative_to(PACKAGE.parent).as_posix()
-        parts.append(f"## {name}\n{_summary(folder / '__init__.py')}\n\n```\n{_aligned(lines)}```\n")
+        listed = f"\n```\n{_aligned(lines)}```\n" if lines else ""
+        parts.append(f"## {name}\n{_summary(folder / '__init__.py')}\n{listed}")
     return "\n".join(parts)
 
 
