@@ -2,15 +2,6 @@ import torch
 from typing import Dict, Tuple
 
 
-def _landing_error(pos: torch.Tensor, vel: torch.Tensor, goal: torch.Tensor) -> torch.Tensor:
-    gravity = 9.81
-    drop = pos[:, 2] - goal[:, 2]
-    inside = torch.clamp(vel[:, 2] ** 2 + 2.0 * gravity * drop, min=0.0)
-    time = torch.clamp((vel[:, 2] + torch.sqrt(inside)) / gravity, 0.0, 0.6)
-    landing = pos[:, :2] + vel[:, :2] * time.unsqueeze(-1)
-    return torch.norm(landing - goal[:, :2], dim=-1)
-
-
 def compute_reward(
     object_pos: torch.Tensor,
     object_linvel: torch.Tensor,
@@ -22,41 +13,54 @@ def compute_reward(
     rotation_distance_another: torch.Tensor,
     actions: torch.Tensor,
 ) -> Tuple[torch.Tensor, Dict[str, torch.Tensor]]:
-    gap = 0.40
-    near_temp, landing_temp, rot_temp = 0.06, 0.15, 1.0
-    w_progress, w_landing, w_near, w_both, w_rot, w_action = 1.0, 0.6, 1.5, 3.0, 0.3, 0.01
+    gravity = 9.81
+    full_time, gap = 0.32, 0.40
+    vel_temp = 1.0
+    coarse_temp, fine_temp = 0.20, 0.04
+    rot_temp = 1.0
+    w_vel, w_coarse, w_fine, w_worst, w_rot, w_act = 0.8, 1.0, 2.0, 3.0, 0.3, 0.005
 
-    dist_a = torch.norm(object_pos - goal_pos, dim=-1)
-    dist_b = torch.norm(object_another_pos - goal_another_pos, dim=-1)
+    pos = torch.stack((object_pos, object_another_pos), dim=1)  # (N, 2, 3)
+    vel = torch.stack((object_linvel, object_another_linvel), dim=1)
+    goal = torch.stack((goal_pos, goal_another_pos), dim=1)
+    rot = torch.stack((rotation_distance, rotation_distance_another), dim=1)
 
-    progress_a = torch.clamp(1.0 - dist_a / gap, -0.5, 1.0)
-    progress_b = torch.clamp(1.0 - dist_b / gap, -0.5, 1.0)
-    near_a = torch.exp(-dist_a / near_temp)
-    near_b = torch.exp(-dist_b / near_temp)
+    offset = goal - pos
+    dist = torch.norm(offset, dim=-1)
+    flat_dist = torch.norm(offset[..., :2], dim=-1)
 
-    # baseline: an egg at rest in its own hand has a landing error of about 0.4 m
-    base = torch.exp(torch.full_like(dist_a, -gap / landing_temp))
-    aim_a = torch.exp(-_landing_error(object_pos, object_linvel, goal_pos) / landing_temp) - base
-    aim_b = torch.exp(-_landing_error(object_another_pos, object_another_linvel, goal_another_pos) / landing_temp) - base
-
-    progress = w_progress * 0.5 * (progress_a + progress_b)
-    aim = w_landing * 0.5 * (aim_a + aim_b)
-    near = w_near * 0.5 * (near_a + near_b)
-    both = w_both * torch.minimum(near_a, near_b)
-    turn = w_rot * 0.5 * (
-        near_a * torch.exp(-rotation_distance / rot_temp) + near_b * torch.exp(-rotation_distance_another / rot_temp)
+    # time left shrinks with the way left
+    time = torch.clamp(full_time * flat_dist / gap, 0.08, full_time).unsqueeze(-1)
+    lift = torch.cat((torch.zeros_like(offset[..., :2]), 0.5 * gravity * time), dim=-1)
+    wanted = offset / time + lift
+    mismatch = torch.norm(vel - wanted, dim=-1)
+    rest_mismatch = torch.norm(wanted, dim=-1)
+    flying = torch.sigmoid((flat_dist - 0.10) / 0.02)
+    # zero for an egg that lies still, positive for one that goes the right way
+    match = flying * torch.clamp(
+        torch.exp(-mismatch / vel_temp) - torch.exp(-rest_mismatch / vel_temp), min=-0.2
     )
-    effort = -w_action * torch.mean(actions ** 2, dim=-1)
 
-    reward = progress + aim + near + both + turn + effort
+    coarse = torch.exp(-dist / coarse_temp) - torch.exp(torch.full_like(dist, -gap / coarse_temp))
+    fine = torch.exp(-dist / fine_temp)
+    turned = fine * torch.exp(-rot / rot_temp)
+
+    velocity_term = w_vel * torch.mean(match, dim=-1)
+    coarse_term = w_coarse * torch.mean(coarse, dim=-1)
+    fine_term = w_fine * torch.mean(fine, dim=-1)
+    worst_dist = torch.amax(dist, dim=-1)
+    worst_term = w_worst * torch.exp(-worst_dist / 0.07)
+    rot_term = w_rot * torch.mean(turned, dim=-1)
+    action_term = -w_act * torch.mean(actions ** 2, dim=-1)
+
+    reward = velocity_term + coarse_term + fine_term + worst_term + rot_term + action_term
     components = {
-        "progress": progress,
-        "aim": aim,
-        "near": near,
-        "both": both,
-        "turn": turn,
-        "effort": effort,
-        "dist_a": dist_a,
-        "dist_b": dist_b,
+        "velocity_match": velocity_term,
+        "coarse": coarse_term,
+        "fine": fine_term,
+        "worst": worst_term,
+        "rotation": rot_term,
+        "action": action_term,
+        "worst_dist": worst_dist,
     }
     return reward, components
