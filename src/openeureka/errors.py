@@ -97,6 +97,7 @@ def told(error: BaseException) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """` Did you mean X?` for the closest known name, or an empty string."""
-    match = difflib.get_close_matches(name, list(known), n=1)
-    return f" Did you mean `{match[0]}`?" if match else ""
+    """` Did you mean X?` for the closest known name, in upper or lower case, or an empty string."""
+    folded = {one.lower(): one for one in known}
+    match = difflib.get_close_matches(name.lower(), folded, n=1)
+    return f" Did you mean `{folded[match[0]]}`?" if match else ""

@@ -172,7 +172,7 @@ def _expect_known(key: str, hints: Mapping[str, type]) -> None:
     known = [*hints, *([_PYTHON] if "env" in hints else [])]
     if key == _PYTHON and _PYTHON in known:
         raise ConfigError("`python=` names the Python in which the environment is installed; add env=.")
-    meant = nearest(key.lower(), known)
+    meant = nearest(key, known)
     others = " `--help` lists all settings." if meant else f" Settings: {', '.join(known)}."
     raise ConfigError(f"Unknown setting `{key}`.{meant}{others}")
 

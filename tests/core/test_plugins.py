@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.errors import ConfigError
+from openeureka.errors import ConfigError, nearest
 from openeureka.executors import EXECUTORS
 from openeureka.executors.local import LocalExecutor
 from openeureka.llm import open_model
@@ -186,3 +186,9 @@ def test_an_edit_of_equal_length_within_a_second_is_seen(tmp_path: Path):
         os.utime(file, (1e9, 1e9))
         assert import_file(file).made == made
     assert not (tmp_path / "__pycache__").exists()
+
+
+def test_a_suggestion_ignores_case_and_spells_the_name_as_it_is_known():
+    assert nearest("EUREKA", ["best", "eureka"]) == " Did you mean `eureka`?"
+    assert nearest("hopper-V5", ["Ant-v5", "Hopper-v5"]) == " Did you mean `Hopper-v5`?"
+    assert nearest("pen", ["Ant-v5", "Hopper-v5"]) == ""

@@ -83,7 +83,7 @@ def spoken(words: Sequence[str]) -> list[Remark]:
 def is_marked(line: str) -> bool:
     """Whether a line is more than words for the model: it is `go`, or holds a mark, perhaps a misspelt one."""
     settings = filter(None, map(_SETTING.match, line.split()))
-    return _is_go(line.strip()) or any(nearest(setting[1].lower(), _MARKS) for setting in settings)
+    return _is_go(line.strip()) or any(nearest(setting[1], _MARKS) for setting in settings)
 
 
 def remark(word: str) -> Remark:
@@ -123,7 +123,7 @@ def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
     setting = _SETTING.match(word)
     if setting is None:
         return
-    guess = nearest(setting[1].lower(), _MARKS)
+    guess = nearest(setting[1], _MARKS)
     if guess or (alone and setting.end() == len(word)):
         raise FeedbackError(
             f"There is no mark `{setting[1]}=`.{guess} Marks are favourite=, veto= and vote=. If it is for the model, "

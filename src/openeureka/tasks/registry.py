@@ -144,9 +144,7 @@ def _named(env: str) -> type[Task]:
             f"{env} is a robot, not a task: draft a task with `eureka new {file} model={env}`, then use env={file}."
         )
     if target is None:
-        raise TaskError(
-            f"There is no environment `{env}`.{nearest(env.strip().lower(), names())} `eureka envs` lists them all."
-        )
+        raise TaskError(f"There is no environment `{env}`.{nearest(env, names())} `eureka envs` lists them all.")
     place, _, name = target.rpartition(":")
     module = _import(place)
     task = getattr(module, name, None)
