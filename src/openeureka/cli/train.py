@@ -21,7 +21,6 @@ from ..runs import compose, trust
 from ..runs.rewards import left_out, listed, named, to_tune
 from ..runs.run import Run
 from ..store.directory import expect_free, output_directory
-from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
 from .facts import written
@@ -117,13 +116,11 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     As JSON: what `eureka show --json` prints, and the directory; what people are told goes to stderr.
     """
     typed = parse(TrainConfig, words)
-    get(typed.env)
-    trust.remember(typed)
     with aside() if as_json else nullcontext():
-        compose.expect_comparable(typed.run_config())
+        config = compose.comparison(typed)
         rewards = named(typed, listed(typed.reward))
         directory = output_directory(typed.dir, typed.env, "train_")
-        run = compare(typed.run_config(), directory, rewards)
+        run = compare(config, directory, rewards)
     if as_json:
         print(written(run, directory))
     _say_what_failed(run)
@@ -168,14 +165,12 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     As JSON: what `eureka show --json` prints, and the directory; what people are told goes to stderr.
     """
     typed = parse(TuneConfig, words)
-    get(typed.env)
-    trust.remember(typed)
     with aside() if as_json else nullcontext():
-        compose.expect_comparable(typed.run_config())
+        config = compose.comparison(typed)
         reward = to_tune(typed, typed.reward)
         advice = left_out(typed, typed.reward)
         directory = output_directory(typed.dir, typed.env, "tune_")
-        run = fit(typed.run_config(), directory, reward, advice)
+        run = fit(config, directory, reward, advice)
     if as_json:
         print(written(run, directory))
     _say_that_all_failed(run)

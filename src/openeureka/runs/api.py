@@ -14,13 +14,12 @@ from ..llm.registry import expect_model
 from ..parsing import absolute, short_path, taken, whole_path
 from ..store import Store
 from ..store.directory import output_directory
-from ..tasks.registry import get
 from ..types import Verdict
 from . import compose, rewards
 from .program import Event, Tell, done, followed
 from .run import Run
 from .settings import RobustSettings, SearchSettings, TrainSettings, TuneSettings
-from .trust import agree, remember
+from .trust import agree
 
 
 def search(
@@ -108,13 +107,11 @@ def train(
         RewardFileError: for a reward that cannot be read or was refused.
         EurekaError: for anything else that a person can mend; what was finished is kept.
     """
-    config, listed = TrainConfig(**taken(TrainConfig, {"env": env, **settings})), _listed(reward)
-    get(config.env)
-    remember(config)
-    compose.expect_comparable(config.run_config())
-    programs = rewards.named(config, listed)
-    directory = output_directory(config.dir, config.env, "train_")
-    return done(directory, on_event, lambda host: compose.train(config.run_config(), directory, programs, host))
+    typed, listed = TrainConfig(**taken(TrainConfig, {"env": env, **settings})), _listed(reward)
+    config = compose.comparison(typed)
+    programs = rewards.named(typed, listed)
+    directory = output_directory(typed.dir, typed.env, "train_")
+    return done(directory, on_event, lambda host: compose.train(config, directory, programs, host))
 
 
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
@@ -153,13 +150,11 @@ def tune(
         EurekaError: for anything else that a person can mend; what was finished is kept.
     """
     _expect("reward", reward, "a name, a path or the text of a program")
-    config = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
-    get(config.env)
-    remember(config)
-    compose.expect_comparable(config.run_config())
-    program = rewards.to_tune(config, reward)
-    directory = output_directory(config.dir, config.env, "tune_")
-    return done(directory, on_event, lambda host: compose.tune(config.run_config(), directory, program, host))
+    typed = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
+    config = compose.comparison(typed)
+    program = rewards.to_tune(typed, reward)
+    directory = output_directory(typed.dir, typed.env, "tune_")
+    return done(directory, on_event, lambda host: compose.tune(config, directory, program, host))
 
 
 def robust(

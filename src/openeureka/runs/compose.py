@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from .. import loop, strategies
-from ..config import NO_MODEL, RobustConfig, RunConfig
+from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..display.log import logged
 from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
@@ -167,11 +167,16 @@ def _expect_choices(config: RunConfig, directory: Path) -> None:
         sampling.init_candidate(config)  # refuses what cannot be read
 
 
-def expect_comparable(config: RunConfig) -> None:
-    """Refuse wrong settings of a run of given rewards before these are judged, which takes long. Raises EurekaError."""
+def comparison(typed: TrainConfig | TuneConfig) -> RunConfig:
+    """The settings of a new run of given rewards, checked before these are judged, which takes long. What they reach
+    outside the run is recorded as typed. Raises EurekaError where they do not fit each other."""
+    get(typed.env)
+    trust.remember(typed)
+    config = typed.run_config()
     if config.dir:
         expect_free(whole_path(config.dir), config)
     trainers.expect_fit(config)
+    return config
 
 
 @contextmanager

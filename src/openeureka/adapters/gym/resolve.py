@@ -201,10 +201,10 @@ def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> st
 def _ungiven(bare: str, fault: BaseException) -> str:
     """Names the settings that the constructor lacks, if that is the fault."""
     lacks = re.search(r"missing \d+ required [\w-]+ arguments?: (.+?) was raised from", str(fault))
-    names = re.findall(r"'(\w+)'", lacks[1]) if lacks else []
-    if not names or not set(names) <= inspect.signature(_maker(gymnasium.spec(bare))).parameters.keys():
+    lacking = re.findall(r"'(\w+)'", lacks[1]) if lacks else []
+    if not lacking or not set(lacking) <= inspect.signature(_maker(gymnasium.spec(bare))).parameters.keys():
         return ""
-    settings = "".join(f"+{name}=VALUE" for name in names)
+    settings = "".join(f"+{name}=VALUE" for name in lacking)
     return f"add {settings}, or register it in a module of your own where the value is neither number nor text."
 
 
